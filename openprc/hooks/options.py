@@ -1,0 +1,83 @@
+"""Options of importers: text from the command line or values from Python, checked once."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from openprc.errors import ConfigError
+from openprc.hooks.specs import OptionSpec, ProducerSpec
+
+_TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
+
+
+def resolve_options(
+    spec: ProducerSpec, given: Mapping[str, Any], *, trust: bool = False
+) -> dict[str, Any]:
+    """Return every option of a producer, defaults filled in and values of the stated kind.
+
+    Raises
+    ------
+    ConfigError
+        When an option is unknown (the nearest known one is named) or has a wrong value.
+    """
+    known = {option.name: option for option in spec.options}
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            raise ConfigError(
+                f"{spec.name} has no option {name!r}",
+                expected="one of " + (", ".join(known) or "none: it takes no options"),
+                fix=f"did you mean {near[0]!r}?" if near else "leave it out",
+                key=name,
+            )
+    values = {name: _value(spec, option, given.get(name)) for name, option in known.items()}
+    if spec.trusts_pickle:
+        values["trust"] = bool(trust)
+    return values
+
+
+def _value(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
+    if given is None:
+        return option.default if not option.multiple else tuple(option.default or ())
+    if option.multiple:
+        items = given if isinstance(given, list | tuple) else (given,)
+        return tuple(_one(spec, option, item) for item in items)
+    if isinstance(given, list | tuple):
+        if len(given) != 1:
+            raise _wrong(spec, option, f"given {len(given)} times", "one value")
+        given = given[0]
+    return _one(spec, option, given)
+
+
+def _one(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
+    if option.choices and str(given) not in option.choices:
+        raise _wrong(spec, option, repr(given), "one of " + ", ".join(option.choices))
+    if option.kind == "str":
+        return str(given)
+    if option.kind == "path":
+        return Path(given)
+    if option.kind == "bool":
+        text = str(given).lower()
+        if text in _TRUE or text in _FALSE:
+            return text in _TRUE
+        raise _wrong(spec, option, repr(given), "true or false")
+    try:
+        number = int(given) if option.kind == "int" else float(given)
+    except (TypeError, ValueError):
+        raise _wrong(spec, option, repr(given), f"a number ({option.kind})") from None
+    if isinstance(number, float) and not math.isfinite(number):
+        raise _wrong(spec, option, repr(given), "a finite number")
+    return number
+
+
+def _wrong(spec: ProducerSpec, option: OptionSpec, found: str, expected: str) -> ConfigError:
+    return ConfigError(
+        f"option {option.name} of {spec.name} is {found}",
+        expected=expected,
+        fix=option.help,
+        key=option.name,
+    )

@@ -1,0 +1,141 @@
+"""What the code behind a record offers. Structural: no base class is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from openprc.schema import Experiment, Finding, Trajectory, TrajectoryWriter
+
+#: Called by runners as ``progress(fraction, message)`` with fraction in [0, 1].
+Progress = Callable[[float, str], None]
+
+
+@runtime_checkable
+class Importer(Protocol):
+    """Turns a foreign file into a trajectory (capability ``"import"``)."""
+
+    def sniff(self, path: Path) -> float:
+        """Say how sure this importer is that it can read `path` (a file or a folder).
+
+        1.0 verified by content, 0.7 the structure fits, 0.3 only the name fits, 0.0 no.
+        Never raises, never writes, returns within a second.
+        """
+        ...
+
+    def import_run(
+        self, path: Path, writer: TrajectoryWriter, *, options: Mapping[str, Any]
+    ) -> None:
+        """Write the run found at `path` into `writer`.
+
+        `options` holds every option of the record, defaults filled in, and ``"trust"``
+        (bool) when the record says ``trusts_pickle``. The host opens and closes the writer
+        and hashes `path`; files read besides it are named with ``writer.add_source``.
+        """
+        ...
+
+
+@runtime_checkable
+class Runner(Protocol):
+    """Simulates an experiment folder (capability ``"run"``)."""
+
+    def supports(self, experiment: Experiment) -> Sequence[Finding]:
+        """Return what this producer cannot model in `experiment`; empty means all of it."""
+        ...
+
+    def run(
+        self,
+        experiment: Experiment,
+        writer: TrajectoryWriter,
+        *,
+        seed: int | None,
+        progress: Progress,
+    ) -> None:
+        """Simulate `experiment` and append every saved frame, t = 0 first, to `writer`."""
+        ...
+
+
+@runtime_checkable
+class Recorder(Protocol):
+    """Attaches to a simulation whose loop the user's own script owns (``"record"``)."""
+
+    def attach(
+        self, simulator: Any, writer: TrajectoryWriter, **options: Any
+    ) -> AbstractContextManager[Any]:
+        """Return a context manager that records while it is open."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A small run in a producer's own format, and how to import it.
+
+    ``inputs`` are symbol sequences that the foreign format has no room for; the demo
+    attaches them after the import: name to ``{"sequence", "hold", "start", "unit",
+    "quantity"}``.
+    """
+
+    path: Path
+    options: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+class SampleWriter(Protocol):
+    """Writes a `Sample` into a folder that the caller made."""
+
+    def __call__(self, folder: Path) -> Sample: ...
+
+
+class Feature(Protocol):
+    """Trajectory to state matrix."""
+
+    def transform(self, source: Any) -> NDArray[np.float64]:
+        """Return the (T, F) state matrix of a trajectory or state loader."""
+        ...
+
+    def names(self, source: Any) -> list[str]:
+        """Return the F column names."""
+        ...
+
+
+class Readout(Protocol):
+    """A scikit-learn style regressor or classifier."""
+
+    def fit(self, X: Any, y: Any) -> Any: ...
+
+    def predict(self, X: Any) -> Any: ...
+
+
+class Task(Protocol):
+    """Input sequence to target sequence, aligned sample by sample."""
+
+    def __call__(self, u: NDArray[np.float64], **parameters: Any) -> NDArray[np.float64]: ...
+
+
+class Benchmark(Protocol):
+    """States and input to named numbers."""
+
+    def run(self, trainer: Any, u: NDArray[np.float64], **parameters: Any) -> Any: ...
+
+
+class Detector(Protocol):
+    """Image to points."""
+
+    def detect(self, image: Any) -> NDArray[np.float64]:
+        """Return (N, 2) points in px, (0, 0) at the centre of the upper left pixel."""
+        ...
+
+
+class Exporter(Protocol):
+    """Trajectory to another format."""
+
+    def export(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
+        """Write `trajectory` to `path` and return the files made."""
+        ...

@@ -1,0 +1,200 @@
+"""Where a file came from: who made it, from what, with which versions."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import re
+import sys
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from openprc import __version__
+
+#: Row of /provenance/inputs.
+SOURCE_DTYPE = np.dtype(
+    [
+        ("role", h5py.string_dtype()),
+        ("name", h5py.string_dtype()),
+        ("bytes", "i8"),
+        ("sha256", h5py.string_dtype()),
+    ]
+)
+UNKNOWN_VERSION = "unknown"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file that was read: its role, base name, size in bytes and SHA-256."""
+
+    role: str
+    name: str
+    bytes: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: str | Path, *, role: str) -> Source:
+        """Hash the file at `path`, or every file below it when it is a folder."""
+        path = Path(path)
+        digest = hashlib.sha256()
+        size = 0
+        if path.is_dir():
+            for member in sorted(item for item in path.rglob("*") if item.is_file()):
+                digest.update(member.relative_to(path).as_posix().encode() + b"\0")
+                size += _feed(digest, member)
+        else:
+            size = _feed(digest, path)
+        return cls(role, path.resolve().name, size, digest.hexdigest())
+
+
+def _feed(digest: Any, path: Path) -> int:
+    size = 0
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+            size += len(block)
+    return size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Who made a file and how. What the machine can tell is filled in while writing.
+
+    Parameters
+    ----------
+    producer : str
+        Name of the producer; the only thing that has to be said.
+    producer_version, plugin, plugin_version : str
+    command : str, optional
+        What was typed; `typed_command` gives it without paths.
+    seed : int, optional
+    deterministic : bool, optional
+        Whether the same inputs give the same bytes.
+    config : mapping, optional
+        Settings, stored as sorted JSON.
+    parents : sequence of str
+        ``run_id`` of the files that this one is derived from.
+    """
+
+    producer: str = field(kw_only=False)
+    producer_version: str = UNKNOWN_VERSION
+    plugin: str = "openprc"
+    plugin_version: str = UNKNOWN_VERSION
+    command: str | None = None
+    seed: int | None = None
+    deterministic: bool | None = None
+    config: Mapping[str, Any] | None = None
+    parents: tuple[str, ...] = ()
+
+    def attributes(self) -> dict[str, str | int]:
+        """Return the attributes of /provenance."""
+        values: dict[str, str | int] = {
+            "producer": self.producer,
+            "producer_version": self.producer_version or UNKNOWN_VERSION,
+            "plugin": self.plugin,
+            "plugin_version": self.plugin_version or UNKNOWN_VERSION,
+            "openprc_version": __version__,
+            "python": platform.python_version(),
+            "platform": f"{platform.system()} {platform.machine()}",
+        }
+        if self.command:
+            values["command"] = self.command
+        if self.seed is not None:
+            values["seed"] = int(self.seed)
+        if self.deterministic is not None:
+            values["deterministic"] = int(self.deterministic)
+        return values
+
+    def config_json(self) -> str | None:
+        """Return the settings as sorted JSON, or None."""
+        if self.config is None:
+            return None
+        return json.dumps(self.config, sort_keys=True, default=_plain, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.name
+    if isinstance(value, Mapping):
+        return dict(value)
+    return str(value)
+
+
+def new_run_id() -> str:
+    """Return a fresh UUID, version 4."""
+    return str(uuid.uuid4())
+
+
+def now() -> str:
+    """Return the present instant as ISO 8601 in UTC."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def typed_command(arguments: list[str] | None = None) -> str:
+    """Return the command line with every path cut down to its base name."""
+    words = sys.argv if arguments is None else arguments
+    short = [re.sub(r"(?:[A-Za-z]:)?[^\s=,]*[/\\](?=[^/\\]+$)", "", word) for word in words]
+    return " ".join(short)
+
+
+def write_provenance(
+    file: h5py.File, provenance: Provenance, sources: list[Source], notes: list[str]
+) -> None:
+    """Write the group /provenance anew."""
+    if "provenance" in file:
+        del file["provenance"]
+    group = file.create_group("provenance")
+    group.attrs.update(provenance.attributes())
+    table = np.array(
+        [(item.role, item.name, item.bytes, item.sha256) for item in sources], dtype=SOURCE_DTYPE
+    )
+    group.create_dataset("inputs", data=table, dtype=SOURCE_DTYPE)
+    config = provenance.config_json()
+    text = h5py.string_dtype()
+    if config is not None:
+        group.create_dataset("config", data=config, dtype=text)
+    if provenance.parents:
+        group.create_dataset("parents", data=list(provenance.parents), dtype=text)
+    if notes:
+        group.create_dataset("notes", data=notes, dtype=text)
+
+
+def read_provenance(file: h5py.File) -> dict[str, Any]:
+    """Return the group /provenance as plain values; absent parts are left out."""
+    group = file.get("provenance")
+    if not isinstance(group, h5py.Group):
+        return {}
+    values: dict[str, Any] = {}
+    for name, value in group.attrs.items():
+        values[name] = value.item() if isinstance(value, np.generic) else value
+    if "inputs" in group:
+        values["inputs"] = [
+            {
+                "role": _text(row["role"]),
+                "name": _text(row["name"]),
+                "bytes": int(row["bytes"]),
+                "sha256": _text(row["sha256"]),
+            }
+            for row in group["inputs"][()]
+        ]
+    if "config" in group:
+        values["config"] = json.loads(_text(group["config"][()]))
+    for name in ("parents", "notes"):
+        values[name] = [_text(item) for item in group[name][()]] if name in group else []
+    return values
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)

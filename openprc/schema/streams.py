@@ -1,0 +1,115 @@
+"""Growing datasets: the part of the writer that touches HDF5 row by row.
+
+Blocks are gathered in memory and written in three steps, so that a process killed at any
+moment leaves a readable file: append the rows, flush, raise ``/committed``, flush.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+#: Target size of a chunk along time. A chunk of one frame reads a node's history many times
+#: slower, and compression while streaming costs more than it saves.
+CHUNK_BYTES = 512 << 10
+#: Rows are written out when this much has gathered ...
+BLOCK_BYTES = 4 << 20
+#: ... or when this many seconds have passed, so that slow runs lose little.
+BLOCK_SECONDS = 2.0
+
+
+@dataclass
+class Stream:
+    """One dataset with time along axis 0: path, shape of a row, dtype, and attributes."""
+
+    path: str
+    row: tuple[int, ...]
+    dtype: np.dtype[Any]
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of one row."""
+        return int(np.prod(self.row, dtype=np.int64)) * self.dtype.itemsize
+
+
+class StreamSet:
+    """All growing datasets of a file, kept at the same length."""
+
+    def __init__(self, file: h5py.File, streams: Mapping[str, Stream]) -> None:
+        self._file = file
+        self._streams = dict(streams)
+        self._blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in self._streams}
+        self._pending_rows = 0
+        self._pending_bytes = 0
+        self._row_bytes = max(1, sum(item.row_bytes for item in self._streams.values()))
+        self._last_commit = time.monotonic()
+        self._created = False
+        self.committed = 0
+
+    @property
+    def rows(self) -> int:
+        """Rows appended so far, committed or not."""
+        return self.committed + self._pending_rows
+
+    def append(self, block: Mapping[str, NDArray[Any]], rows: int) -> None:
+        """Take one block; every stream is in it."""
+        for name, stream in self._streams.items():
+            # The caller may reuse its buffer, so keep a copy.
+            self._blocks[name].append(np.array(block[name], dtype=stream.dtype, order="C"))
+        self._pending_rows += rows
+        self._pending_bytes += rows * self._row_bytes
+        late = time.monotonic() - self._last_commit > BLOCK_SECONDS
+        if self._pending_bytes >= BLOCK_BYTES or late:
+            self.commit()
+
+    def commit(self, *, final: bool = False) -> None:
+        """Make every appended row safe to read."""
+        if not self._created:
+            self._create(single_block=final)
+        if self._pending_rows:
+            start, stop = self.committed, self.committed + self._pending_rows
+            for name, stream in self._streams.items():
+                blocks = self._blocks[name]
+                dataset = self._file[stream.path]
+                dataset.resize(stop, axis=0)
+                dataset[start:stop] = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+                self._blocks[name] = []
+            self._pending_rows = self._pending_bytes = 0
+            self._file.flush()
+            self._file["committed"][()] = stop
+            self.committed = stop
+        self._file.flush()
+        self._last_commit = time.monotonic()
+
+    def _create(self, *, single_block: bool) -> None:
+        for stream in self._streams.values():
+            rows = max(1, min(CHUNK_BYTES // max(1, stream.row_bytes), CHUNK_BYTES // 64))
+            if single_block:
+                # The whole run fits in one block: no room is wasted on chunks never filled.
+                rows = max(1, min(rows, self._pending_rows))
+            dataset = self._file.create_dataset(
+                stream.path,
+                shape=(0, *stream.row),
+                maxshape=(None, *stream.row),
+                chunks=(rows, *(max(1, size) for size in stream.row)),
+                dtype=stream.dtype,
+                fletcher32=True,
+            )
+            for key, value in stream.attrs.items():
+                write_attribute(dataset, key, value)
+        self._created = True
+
+
+def write_attribute(owner: h5py.HLObject, key: str, value: Any) -> None:
+    """Write an attribute; sequences of text become arrays of variable-length UTF-8."""
+    if isinstance(value, list | tuple):
+        owner.attrs.create(key, np.array(value, dtype=object), dtype=h5py.string_dtype())
+    else:
+        owner.attrs[key] = value

@@ -1,0 +1,464 @@
+"""`Trajectory`: a lazy, read-only view of a simulation.h5."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from openprc.errors import (
+    IncompleteFile,
+    MissingData,
+    MissingInputError,
+    NonUniformTime,
+    SchemaError,
+)
+from openprc.schema import units
+from openprc.schema.provenance import read_provenance
+from openprc.schema.safety import open_hdf5
+from openprc.schema.version import check_version
+
+Frames = slice
+ALL = slice(None)
+
+
+@dataclass(frozen=True)
+class InputSignal:
+    """What drove the body.
+
+    ``value`` is (T, C) on the clock of the file; ``sequence`` is (K, C), the symbols before
+    they were held, symbol k from ``start + k hold`` on, or None.
+    """
+
+    name: str
+    value: NDArray[np.float64]
+    columns: tuple[str, ...]
+    unit: str
+    quantity: str
+    targets: tuple[str, ...]
+    sequence: NDArray[np.float64] | None
+    hold: float | None
+    start: float
+
+
+class Trajectory:
+    """Open a trajectory for reading. Arrays are read when asked for; nothing is made up.
+
+    Parameters
+    ----------
+    path : path-like
+    allow_incomplete : bool
+        Also open what an unfinished run has committed.
+
+    Raises
+    ------
+    UnreadableFile, UnsafeFile
+        See `openprc.schema.safety.open_hdf5`.
+    SchemaError, SchemaTooNew, SchemaTooOld
+        When it is not a trajectory of a version that is understood.
+    IncompleteFile
+        When the run did not finish and `allow_incomplete` is false.
+
+    Examples
+    --------
+    >>> from openprc.schema import Trajectory
+    >>> with Trajectory("run.h5") as trajectory:
+    ...     trajectory.positions(nodes=[0]).shape
+    (5, 1, 3)
+    """
+
+    def __init__(self, path: str | Path, *, allow_incomplete: bool = False) -> None:
+        self.path = Path(path)
+        self._file = open_hdf5(self.path)
+        try:
+            self._begin(allow_incomplete=allow_incomplete)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _begin(self, *, allow_incomplete: bool) -> None:
+        check_version(self._file, self.path)
+        attrs = self._file.attrs
+        self.kind = str(attrs.get("kind", ""))
+        if self.kind != "trajectory":
+            raise SchemaError(
+                f"this file holds kind {self.kind!r}",
+                expected="a trajectory",
+                fix="see what it is with `openprc info`",
+                file=self.path,
+                key="kind",
+            )
+        self.status = str(self._root("status"))
+        self.run_id = str(self._root("run_id"))
+        self.created = str(self._root("created"))
+        self.dims = int(self._root("dims"))
+        time, committed = self._file.get("time_series/time"), self._file.get("committed")
+        if not isinstance(time, h5py.Dataset) or not isinstance(committed, h5py.Dataset):
+            # A run that was killed before its first block has no clock yet.
+            if self.status in ("running", "failed", "interrupted"):
+                raise IncompleteFile(
+                    f"the run is {self.status} and holds no frame",
+                    expected="a finished run",
+                    fix="run it again",
+                    file=self.path,
+                    key="/time_series/time",
+                )
+            key = "/time_series/time" if committed is not None else "/committed"
+            raise self._missing(key, "a trajectory has one", "write it with TrajectoryWriter")
+        self.n_frames = min(int(committed[()]), len(time))
+        finished = self.status == "complete" or (
+            # `openprc repair` leaves a whole file whose run was interrupted.
+            self.status == "interrupted" and self.n_frames == len(time) and self._has_claim(time)
+        )
+        if not finished and not allow_incomplete:
+            raise IncompleteFile(
+                f"status is {self.status!r}: {self.n_frames} frames are safe to read",
+                expected="a finished run",
+                fix="keep those frames with `openprc repair`, or open it with "
+                "allow_incomplete=True",
+                file=self.path,
+                key="status",
+            )
+
+    @staticmethod
+    def _has_claim(time: h5py.Dataset) -> bool:
+        return "uniform" in time.attrs
+
+    def _root(self, name: str) -> Any:
+        if name not in self._file.attrs:
+            raise self._missing(name, "every file of the contract has it", "write it again")
+        return self._file.attrs[name]
+
+    # --- life cycle ----------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Trajectory {self.path.name}: {self.n_frames} frames, {self.n_nodes} nodes, "
+            f"{self.dims} dimensions>"
+        )
+
+    # --- clock ---------------------------------------------------------------------------
+
+    @cached_property
+    def time(self) -> NDArray[np.float64]:
+        """Time of every frame, (T,), in `time_unit`."""
+        values: NDArray[np.float64] = self._file["time_series/time"][: self.n_frames]
+        return values
+
+    @property
+    def time_unit(self) -> str:
+        """Unit of time."""
+        return str(self._attr("/time_series/time", "unit"))
+
+    @property
+    def time_kind(self) -> str:
+        """``physical``, or ``pseudo`` for quasi-static load steps."""
+        return str(self._attr("/time_series/time", "kind"))
+
+    @property
+    def uniform(self) -> bool:
+        """Whether frames are evenly spaced, as the writer checked."""
+        return bool(self._file["time_series/time"].attrs.get("uniform", 0))
+
+    @property
+    def t0(self) -> float:
+        """Time of frame 0."""
+        return float(self.time[0])
+
+    @property
+    def dt(self) -> float:
+        """Time between frames, in `time_unit`.
+
+        Raises
+        ------
+        NonUniformTime
+            When frames are not evenly spaced: there is no single step to return.
+        """
+        if not self.uniform:
+            steps = np.diff(self.time)
+            spread = f" (steps from {steps.min():g} to {steps.max():g})" if len(steps) else ""
+            raise NonUniformTime(
+                f"the frames are not evenly spaced{spread}",
+                expected="a uniform clock",
+                fix="resample the file explicitly, or work with `time`",
+                file=self.path,
+                key="/time_series/time",
+            )
+        return float(self._attr("/time_series/time", "dt"))
+
+    # --- nodes ---------------------------------------------------------------------------
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes; 0 when there are no positions."""
+        item = self._file.get("time_series/nodes/positions")
+        return int(item.shape[1]) if isinstance(item, h5py.Dataset) else 0
+
+    @property
+    def position_unit(self) -> str:
+        """Unit of the stored positions."""
+        return str(self._attr("/time_series/nodes/positions", "unit"))
+
+    def positions(
+        self, frames: Frames = ALL, nodes: Any = None, *, unit: str | None = None
+    ) -> NDArray[np.float64]:
+        """Return positions, (T', N', D), float64, in the stored unit or in `unit`.
+
+        Missing points are NaN. `nodes` is a sequence of indices in any order.
+
+        Raises
+        ------
+        MissingData
+            When the file has no positions, or a node is out of range.
+        UnitError
+            When `unit` does not measure the same thing.
+        """
+        return self._nodal("positions", frames, nodes, unit)
+
+    def velocities(
+        self, frames: Frames = ALL, nodes: Any = None, *, unit: str | None = None
+    ) -> NDArray[np.float64]:
+        """Return velocities, (T', N', D); see `positions`."""
+        return self._nodal("velocities", frames, nodes, unit)
+
+    def observed(self, frames: Frames = ALL) -> NDArray[np.uint8]:
+        """Return the mask, (T', N): 0 missing, 1 measured, 2 filled in."""
+        data: NDArray[np.uint8] = self._series("/time_series/nodes/observed", frames)
+        return data
+
+    def node(self, name: str) -> NDArray[Any]:
+        """Return a constant of the nodes: rest, mass, fixed, id or label, (N, ...)."""
+        return self._static(f"/topology/nodes/{name}", None)
+
+    def _nodal(
+        self, name: str, frames: Frames, nodes: Any, unit: str | None
+    ) -> NDArray[np.float64]:
+        path = f"/time_series/nodes/{name}"
+        data = self._series(path, frames)
+        if nodes is not None:
+            chosen = np.asarray(nodes, dtype=np.intp).reshape(-1)
+            wrong = chosen[(chosen < 0) | (chosen >= data.shape[1])]
+            if wrong.size:
+                raise self._missing(
+                    path, f"nodes 0 to {data.shape[1] - 1}", "check the indices",
+                    found=f"there is no node {int(wrong[0])}",
+                )  # fmt: skip
+            # Whole rows are read first: HDF5 selections of scattered nodes are far slower.
+            data = data[:, chosen]
+        return self._convert(path, data, unit)
+
+    # --- elements, channels, whole body ------------------------------------------------------
+
+    @property
+    def element_kinds(self) -> tuple[str, ...]:
+        """Kinds of elements between nodes."""
+        return tuple(name for name in self._names("topology") if name != "nodes")
+
+    def indices(self, kind: str) -> NDArray[np.int32]:
+        """Return the nodes of every element, (E, k)."""
+        data: NDArray[np.int32] = self._static(f"/topology/{kind}/indices", None)
+        return data
+
+    def element_series(self, kind: str) -> tuple[str, ...]:
+        """Return the names of the recorded quantities of a kind."""
+        return self._names(f"time_series/elements/{kind}")
+
+    def element(
+        self, kind: str, quantity: str, *, frames: Frames = ALL, unit: str | None = None
+    ) -> NDArray[np.float64]:
+        """Return a quantity of every element, (T', E) or (T', E, k)."""
+        path = f"/time_series/elements/{kind}/{quantity}"
+        return self._convert(path, self._series(path, frames), unit)
+
+    def element_static(self, kind: str, name: str, *, unit: str | None = None) -> NDArray[Any]:
+        """Return a constant of every element, (E,)."""
+        return self._static(f"/topology/{kind}/{name}", unit)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return self._names("time_series/channels")
+
+    def channel(
+        self, name: str, *, frames: Frames = ALL, unit: str | None = None
+    ) -> NDArray[np.float64]:
+        """Return a channel, (T', C)."""
+        path = f"/time_series/channels/{name}"
+        return self._convert(path, self._series(path, frames), unit)
+
+    def channel_columns(self, name: str) -> tuple[str, ...]:
+        """Return the column names of a channel."""
+        return self._strings(f"/time_series/channels/{name}", "columns")
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Names of the whole-body quantities."""
+        return self._names("time_series/system")
+
+    def system(self, name: str, *, unit: str | None = None) -> NDArray[np.float64]:
+        """Return a whole-body quantity, (T,)."""
+        path = f"/time_series/system/{name}"
+        return self._convert(path, self._series(path, ALL), unit)
+
+    # --- inputs ----------------------------------------------------------------------------
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self._names("inputs")
+
+    def input(self, name: str | None = None) -> InputSignal:
+        """Return an input; without a name, the only one.
+
+        Raises
+        ------
+        MissingInputError
+            When there is none of that name, or several and none was named.
+        """
+        names = self.inputs
+        if not names:
+            raise MissingInputError(
+                "the file does not say what drove the body",
+                expected="at least one input",
+                fix="add it with `openprc attach-input FILE --signal SIGNAL --out NEW`",
+                file=self.path,
+                key="/inputs",
+            )
+        if name is None and len(names) == 1:
+            name = names[0]
+        if name not in names:
+            raise MissingInputError(
+                "several inputs and none was named" if name is None else f"no input {name!r}",
+                expected="one of " + ", ".join(names),
+                fix="name one of them",
+                file=self.path,
+                key="/inputs",
+            )
+        base = f"/inputs/{name}"
+        attrs = self._get(base + "/value").attrs
+        sequence = self._file.get(base + "/sequence")
+        held = isinstance(sequence, h5py.Dataset)
+        return InputSignal(
+            name=name,
+            value=self._series(base + "/value", ALL).astype("f8", copy=False),
+            columns=self._strings(base + "/value", "columns"),
+            unit=str(attrs.get("unit", "arb")),
+            quantity=str(attrs.get("quantity", "")),
+            targets=self._strings(base + "/value", "targets"),
+            sequence=sequence[()] if held else None,
+            hold=float(sequence.attrs["hold"]) if held else None,
+            start=float(sequence.attrs.get("start", 0.0)) if held else 0.0,
+        )
+
+    # --- the rest ----------------------------------------------------------------------------
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Where the file came from, as plain values."""
+        return read_provenance(self._file)
+
+    def has(self, path: str) -> bool:
+        """Tell whether an object is in the file."""
+        return path in self._file
+
+    def content_digest(self) -> str:
+        """Return a SHA-256 of all data, leaving out what differs between two equal runs.
+
+        Left out are the run id, the instant of creation and the provenance.
+        """
+        digest = hashlib.sha256()
+
+        def visit(name: str, item: Any) -> None:
+            if name.startswith("provenance"):
+                return
+            digest.update(name.encode())
+            for key in sorted(item.attrs):
+                digest.update(f"|{key}={item.attrs[key]!r}".encode())
+            if isinstance(item, h5py.Dataset):
+                digest.update(f"|{item.dtype}|{item.shape}".encode())
+                data = item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()]
+                data = np.asarray(data)
+                digest.update(
+                    repr(data.tolist()).encode() if data.dtype == object else data.tobytes()
+                )
+
+        self._file.visititems(visit)
+        return digest.hexdigest()
+
+    # --- reading -----------------------------------------------------------------------------
+
+    def _names(self, group: str) -> tuple[str, ...]:
+        found = self._file.get(group)
+        return tuple(found) if isinstance(found, h5py.Group) else ()
+
+    def _get(self, path: str) -> h5py.Dataset:
+        item = self._file.get(path)
+        if not isinstance(item, h5py.Dataset):
+            owner = path.rpartition("/")[0]
+            there = self._names(owner)
+            raise self._missing(
+                path,
+                "one of " + ", ".join(there) if there else f"nothing is under {owner}",
+                "choose another, or record it with the producer",
+            )
+        return item
+
+    def _series(self, path: str, frames: Frames) -> NDArray[Any]:
+        item = self._get(path)
+        start, stop, step = frames.indices(self.n_frames)
+        if step < 1:
+            raise self._missing(path, "a step of 1 or more", "reverse the array afterwards")
+        data: NDArray[Any] = item[start:stop:step]
+        return data
+
+    def _static(self, path: str, unit: str | None) -> NDArray[Any]:
+        item = self._get(path)
+        if h5py.check_string_dtype(item.dtype) is not None:
+            text: NDArray[Any] = np.asarray(item.asstr()[()])
+            return text
+        return item[()] if unit is None else self._convert(path, item[()], unit)
+
+    def _convert(self, path: str, data: NDArray[Any], unit: str | None) -> NDArray[np.float64]:
+        values: NDArray[np.float64] = data.astype("f8", copy=False)
+        if unit is None:
+            return values
+        stored = str(self._attr(path, "unit"))
+        factor = units.conversion_factor(stored, unit, file=str(self.path), key=path)
+        return values if factor == 1.0 else values * factor
+
+    def _attr(self, path: str, name: str) -> Any:
+        item = self._get(path)
+        if name not in item.attrs:
+            raise self._missing(f"{path}@{name}", "every such dataset has it", "write it again")
+        return item.attrs[name]
+
+    def _strings(self, path: str, name: str) -> tuple[str, ...]:
+        values = np.atleast_1d(self._get(path).attrs.get(name, ()))
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values)
+
+    def _missing(
+        self, key: str, expected: str, fix: str, *, found: str = "it is not in the file"
+    ) -> MissingData:
+        return MissingData(found, expected=expected, fix=fix, file=self.path, key=key)
