@@ -128,9 +128,7 @@ class BlockChecker:
                 continue
             self._explain(name, array, observed)
 
-    def _explain(
-        self, name: str, array: NDArray[Any], observed: NDArray[Any] | None
-    ) -> None:
+    def _explain(self, name: str, array: NDArray[Any], observed: NDArray[Any] | None) -> None:
         """Raise unless every value that is not finite is a NaN that was declared missing."""
         if np.isinf(array).any():
             index = np.argwhere(np.isinf(array))[0]

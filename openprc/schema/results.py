@@ -193,9 +193,7 @@ def read_result(path: str | Path) -> Result:
         for key, value in file.attrs.items():
             if key not in _ENVELOPE:
                 attrs[key] = _plain(value)
-        return Result(
-            path, kind, str(file.attrs["run_id"]), attrs, arrays, read_provenance(file)
-        )
+        return Result(path, kind, str(file.attrs["run_id"]), attrs, arrays, read_provenance(file))
 
 
 def _plain(value: Any) -> Any:

@@ -6,7 +6,7 @@ while writing, so a file under its final name is complete and valid.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -48,6 +48,9 @@ class TrajectoryWriter(Declarations):
         Replace a finished file of this name, once the new one is complete.
     on_failure : {"keep", "discard"}
         Whether an unfinished file with at least one frame is kept; without a frame it never is.
+    verify : callable, optional
+        Called with the path of the finished file before it gets its final name; what it raises
+        keeps the name free.
 
     Raises
     ------
@@ -73,6 +76,7 @@ class TrajectoryWriter(Declarations):
         comment: str | None = None,
         overwrite: bool = False,
         on_failure: Literal["keep", "discard"] = "keep",
+        verify: Callable[[Path], None] | None = None,
     ) -> None:
         super().__init__(Path(path))
         self.provenance = provenance
@@ -81,6 +85,7 @@ class TrajectoryWriter(Declarations):
         self._comment = comment
         self._overwrite = overwrite
         self._on_failure = on_failure
+        self._verify = verify
         self._sources: list[Source] = []
         self._notes: list[str] = []
         self._streams: StreamSet | None = None
@@ -178,6 +183,8 @@ class TrajectoryWriter(Declarations):
         write_provenance(self._file, self.provenance, self._sources, self._notes)
         self._file.attrs["status"] = "complete"
         self._file.close()
+        if self._verify is not None:
+            self._verify(self.partial)
         if not self._overwrite:
             atomic.refuse_existing(self.path)
         atomic.publish(self.partial, self.path)
@@ -187,7 +194,7 @@ class TrajectoryWriter(Declarations):
         if self._closed:
             return
         self._closed = True
-        rows = 0
+        rows = self.n_frames
         if self._file:  # h5py files are false once closed
             if self._streams is not None:
                 self._streams.commit()
@@ -195,6 +202,9 @@ class TrajectoryWriter(Declarations):
             self._file.attrs["status"] = status
             write_provenance(self._file, self.provenance, self._sources, self._notes)
             self._file.close()
+        elif self.partial.exists():
+            with h5py.File(self.partial, "r+") as file:
+                file.attrs["status"] = status
         if self._on_failure == "discard" or rows == 0:
             self.partial.unlink(missing_ok=True)
 

@@ -1,0 +1,400 @@
+"""What an experiment folder says, parsed once into frozen records.
+
+`load_experiment` reads ``input/{geometry.h5, signals.h5, config.json}`` in the layout of this
+package or in the older one, converts to SI and checks everything; every producer is handed
+the same `Experiment`. Files are handled in `openprc.schema.experiment_files`, checks in
+`openprc.schema.experiment_checks`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+Interpolation = Literal["linear", "hold", "cubic"]
+INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
+ActuatorType = Literal["position", "force", "velocity"]
+ACTUATOR_TYPES: tuple[ActuatorType, ...] = get_args(ActuatorType)
+#: The SI unit that the values of a signal have, by what they do.
+ACTUATOR_UNITS: Mapping[str, str] = MappingProxyType(
+    {"position": "m", "force": "N", "velocity": "m/s"}
+)
+#: Relative slack between decimal numbers that are meant to be multiples of each other.
+MULTIPLE_TOLERANCE = 1e-9
+#: Default of columns that are filled in once the number of rows is known.
+_FILLED: Any = None
+
+
+def whole_multiple(total: float, part: float) -> int | None:
+    """Return how many times `part` goes into `total`, or None when it is not a whole number.
+
+    Truncation would lose a step for hundreds of ordinary decimal pairs (``0.3 / 0.1`` is
+    2.9999...), so the ratio is rounded and the rounding is checked.
+    """
+    ratio = total / part
+    if not math.isfinite(ratio):
+        return None
+    count = round(ratio)
+    return count if abs(ratio - count) <= MULTIPLE_TOLERANCE * max(count, 1) else None
+
+
+def _frozen(values: ArrayLike, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return a read-only copy, so that no producer can change what another one is given.
+
+    Wrong shapes pass through for the checks to report; an empty list gets its second axis.
+    """
+    array = np.array(values, dtype=dtype)
+    if array.size == 0 and array.ndim == 1 and len(shape) == 2:
+        array = array.reshape(0, shape[1])
+    array.flags.writeable = False
+    return array
+
+
+def _freeze(record: object, **columns: tuple[str, tuple[int, ...]]) -> None:
+    for name, (dtype, shape) in columns.items():
+        object.__setattr__(record, name, _frozen(getattr(record, name), dtype, shape))
+
+
+def _fill(record: object, count: int, **defaults: object) -> None:
+    for name, value in defaults.items():
+        if getattr(record, name) is None:
+            object.__setattr__(record, name, np.full(count, value))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bars:
+    """Two-node axial elements.
+
+    Parameters
+    ----------
+    indices : (M, 2) [node]
+    stiffness : (M,) [N/m]
+        Linear spring on the length.
+    rest_length : (M,) [m]
+    damping : (M,) [N*s/m], default 0
+        Dashpot on the rate of the length; conserves momentum.
+    prestress : (M,) [1], default 0
+        The spring is relaxed at ``rest_length * (1 + prestress)``.
+    rigid : (M,) bool, default False
+        The length is a constraint, and `stiffness` has no meaning.
+    """
+
+    indices: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), "i4"))
+    stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    rest_length: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    damping: NDArray[np.float64] = _FILLED
+    prestress: NDArray[np.float64] = _FILLED
+    rigid: NDArray[np.bool_] = _FILLED
+
+    def __post_init__(self) -> None:
+        _fill(self, len(self.indices), damping=0.0, prestress=0.0, rigid=False)
+        number = ("f8", (-1,))
+        _freeze(self, indices=("i4", (-1, 2)), rigid=("?", (-1,)))
+        _freeze(self, stiffness=number, rest_length=number, damping=number, prestress=number)
+
+    def __len__(self) -> int:
+        """Return the number of bars."""
+        return len(self.indices)
+
+    @property
+    def relaxed_length(self) -> NDArray[np.float64]:
+        """``rest_length * (1 + prestress)``, the length without force: (M,) [m]."""
+        return self.rest_length * (1.0 + self.prestress)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hinges:
+    """Four-node elements on the dihedral angle between two triangles.
+
+    Parameters
+    ----------
+    indices : (K, 4) [node]
+        ``[j, k, i, l]``: the crease j-k first, then the wings i and l.
+    stiffness : (K,) [N*m/rad]
+    rest_angle : (K,) [rad]
+        pi is flat, 0 is folded shut.
+    damping : (K,) [N*m*s/rad], default 0
+    rigid : (K,) bool, default False
+    """
+
+    indices: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), "i4"))
+    stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    rest_angle: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    damping: NDArray[np.float64] = _FILLED
+    rigid: NDArray[np.bool_] = _FILLED
+
+    def __post_init__(self) -> None:
+        _fill(self, len(self.indices), damping=0.0, rigid=False)
+        number = ("f8", (-1,))
+        _freeze(self, indices=("i4", (-1, 4)), rigid=("?", (-1,)))
+        _freeze(self, stiffness=number, rest_angle=number, damping=number)
+
+    def __len__(self) -> int:
+        """Return the number of hinges."""
+        return len(self.indices)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Geometry:
+    """Nodes and the elements between them.
+
+    Parameters
+    ----------
+    positions : (N, 3) [m]
+        At t = 0.
+    masses : (N,) [kg]
+    fixed : (N,) bool, default False
+        Fixed nodes never move.
+    collidable : (N,) bool, default False
+    velocities : (N, 3) [m/s], default 0
+        At t = 0.
+    labels : tuple of N str, optional
+        What matches nodes across producers.
+    bars : Bars
+    hinges : Hinges
+    faces : (F, 3) [node]
+        Triangles without mechanics, for display.
+    """
+
+    positions: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    fixed: NDArray[np.bool_] = _FILLED
+    collidable: NDArray[np.bool_] = _FILLED
+    velocities: NDArray[np.float64] = _FILLED
+    labels: tuple[str, ...] | None = None
+    bars: Bars = field(default_factory=Bars)
+    hinges: Hinges = field(default_factory=Hinges)
+    faces: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
+
+    def __post_init__(self) -> None:
+        _freeze(self, positions=("f8", (-1, 3)), masses=("f8", (-1,)), faces=("i4", (-1, 3)))
+        _fill(self, len(self.positions), fixed=False, collidable=False)
+        if self.velocities is None:
+            object.__setattr__(self, "velocities", np.zeros_like(self.positions))
+        _freeze(self, fixed=("?", (-1,)), collidable=("?", (-1,)), velocities=("f8", (-1, 3)))
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.positions)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signal:
+    """A named time series that begins at t = 0.
+
+    Parameters
+    ----------
+    name : str
+    values : (T_u,) or (T_u, d) [unit]
+        d is 1 (drives every enabled axis) or 3 (x, y, z).
+    dt : float [s]
+        Time between samples.
+    interpolation : {"linear", "hold", "cubic"}
+        Between samples. "hold" keeps each sample for `dt`; "cubic" is the C2 spline.
+        After the last sample its value stays.
+    unit : str, optional
+        SI unit of the values; None leaves it to what the signal drives.
+    """
+
+    name: str
+    values: NDArray[np.float64]
+    dt: float
+    interpolation: Interpolation = "linear"
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        array = np.array(self.values, dtype="f8")
+        object.__setattr__(self, "values", array.reshape(-1, 1) if array.ndim == 1 else array)
+        self.values.flags.writeable = False
+
+    @property
+    def duration(self) -> float:
+        """How long the samples last [s]: every symbol when held, else up to the last one."""
+        samples = len(self.values) - (self.interpolation != "hold")
+        return samples * self.dt
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actuator:
+    """A signal that drives one node along the enabled axes.
+
+    "position" prescribes absolute coordinates [m], "force" adds a force [N] (several on a
+    node add up), "velocity" prescribes velocities [m/s].
+    """
+
+    node: int
+    signal: str
+    type: ActuatorType = "position"
+    axes: tuple[bool, bool, bool] = (True, True, True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collision:
+    """Contact between nodes marked collidable; None where the file does not say."""
+
+    enabled: bool = False
+    radius: float | None = None
+    restitution: float | None = None
+    iterations: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Experiment:
+    """A body, what drives it, and how long to watch.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    signals : mapping of str to Signal
+    actuators : tuple of Actuator
+    duration, dt, save_interval : float [s]
+        Frames are at ``i * save_interval`` for i = 0 ... n_frames - 1; the integrator takes
+        `steps_per_frame` steps between two of them.
+    integrator : str
+    gravity : (x, y, z) [m/s2]
+    damping : float
+        Node i feels the drag ``-c_i v_i`` with ``c_i = damping * m_i / mean(m)`` [kg/s], the
+        mean over nodes with mass. (The older files mean the same.)
+    collision : Collision
+    overwrite : bool
+        A new run may replace the finished result of an earlier one.
+    path : Path, optional
+        The experiment folder.
+    sources : tuple of Path
+        The files that were read.
+    layout : {"1.0", "legacy"}
+    notes : tuple of str
+        What had to be decided while reading.
+    """
+
+    geometry: Geometry
+    duration: float
+    dt: float
+    save_interval: float
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    actuators: tuple[Actuator, ...] = ()
+    integrator: str = "rk4"
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    damping: float = 0.0
+    collision: Collision = field(default_factory=Collision)
+    overwrite: bool = False
+    path: Path | None = None
+    sources: tuple[Path, ...] = ()
+    layout: Literal["1.0", "legacy"] = "1.0"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "signals", dict(self.signals))
+
+    @property
+    def n_frames(self) -> int:
+        """Number of saved frames, t = 0 included."""
+        return round(self.duration / self.save_interval) + 1
+
+    @property
+    def steps_per_frame(self) -> int:
+        """Number of integrator steps between two frames."""
+        return round(self.save_interval / self.dt)
+
+    @property
+    def frame_times(self) -> NDArray[np.float64]:
+        """Times of the frames: (n_frames,) [s]."""
+        return np.arange(self.n_frames, dtype=np.float64) * self.save_interval
+
+    def driven_axes(self, kind: ActuatorType) -> NDArray[np.bool_]:
+        """Return where an actuator of that type acts: (N, 3) bool."""
+        mask = np.zeros((self.geometry.n_nodes, 3), dtype=bool)
+        for actuator in self.actuators:
+            if actuator.type == kind:
+                mask[actuator.node] |= np.array(actuator.axes)
+        return mask
+
+    @property
+    def planar(self) -> bool:
+        """Whether everything is at z = 0 and nothing pulls, drives or folds out of it."""
+        geometry = self.geometry
+        if geometry.positions[:, 2].any() or geometry.velocities[:, 2].any():
+            return False
+        if self.gravity[2] != 0.0 or len(geometry.hinges):
+            return False
+        for actuator in self.actuators:
+            if actuator.axes[2] and self.signals[actuator.signal].values[:, -1].any():
+                return False
+        return True
+
+    def settings(self) -> dict[str, Any]:
+        """Return the configuration as plain data, in the layout of config.json."""
+        collision = self.collision
+        physics: dict[str, Any] = {
+            "gravity": [float(part) for part in self.gravity],
+            "damping": float(self.damping),
+            "enable_collision": collision.enabled,
+        }
+        for name in ("radius", "restitution", "iterations"):
+            if getattr(collision, name) is not None:
+                physics[f"collision_{name}"] = getattr(collision, name)
+        return {
+            "openprc_config": "1.0",
+            "simulation": {
+                "duration": float(self.duration),
+                "dt": float(self.dt),
+                "save_interval": float(self.save_interval),
+                "integrator": self.integrator,
+            },
+            "physics": physics,
+            "actuators": [
+                {
+                    "node": int(actuator.node),
+                    "signal": actuator.signal,
+                    "type": actuator.type,
+                    "axes": [bool(axis) for axis in actuator.axes],
+                }
+                for actuator in self.actuators
+            ],
+            "export": {"overwrite": self.overwrite},
+        }
+
+
+def load_experiment(directory: str | Path) -> Experiment:
+    """Read an experiment folder (or its ``input`` folder).
+
+    Raises
+    ------
+    UnreadableFile, UnsafeFile
+        When a file is missing or cannot be read safely.
+    ConfigError
+        When the content is wrong; every mistake of a file is in one message.
+    """
+    from openprc.schema.experiment_files import read_experiment  # noqa: PLC0415  circular
+
+    return read_experiment(directory)
+
+
+def save_experiment(experiment: Experiment, directory: str | Path) -> tuple[Path, ...]:
+    """Write ``input/{geometry.h5, signals.h5, config.json}`` below `directory`.
+
+    Only these three files are written; existing ones are replaced, each atomically.
+
+    Returns
+    -------
+    tuple of Path
+        The three files.
+
+    Raises
+    ------
+    ConfigError
+        When the experiment is wrong; nothing is written then.
+    """
+    from openprc.schema.experiment_files import write_experiment  # noqa: PLC0415  circular
+
+    return write_experiment(experiment, directory)
