@@ -50,8 +50,8 @@ def openprc_producers() -> list[ProducerSpec]:
             install="pip install opencv-python-headless",
             dims=(2,),
             options=(
-                OptionSpec("detector", "How points are found in the first frame", default="shi-tomasi",
-                           choices=("shi-tomasi", "sift", "orb", "akaze")),
+                OptionSpec("detector", "How points are found in the first frame",
+                           default="shi-tomasi", choices=("shi-tomasi", "sift", "orb", "akaze")),
                 OptionSpec("max_points", "Most points to track", kind="int", default=100),
                 OptionSpec("points", "CSV of x,y in px to track instead", kind="path"),
                 OptionSpec("win_size", "Side of the tracking window in px", kind="int", default=21),

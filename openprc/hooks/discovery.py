@@ -22,11 +22,24 @@ State = Literal["ok", "broken", "incompatible", "disabled"]
 class EntryPoint(Protocol):
     """What of `importlib.metadata.EntryPoint` is used here."""
 
-    name: str
-    value: str
-    dist: Any
+    @property
+    def name(self) -> str:
+        """Name of the plugin."""
+        ...
 
-    def load(self) -> Any: ...
+    @property
+    def value(self) -> str:
+        """Module that it names."""
+        ...
+
+    @property
+    def dist(self) -> Any:
+        """Distribution that it belongs to, with ``name`` and ``version``, or None."""
+        ...
+
+    def load(self) -> Any:
+        """Import the module."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -73,7 +86,12 @@ def load_plugin(entry: EntryPoint, *, enabled: bool = True) -> Plugin:
     Nothing that the plugin raises gets out, unless OPENPRC_PLUGIN_DEBUG is set.
     """
     name, version = distribution_of(entry)
-    about = {"name": entry.name, "module": entry.value, "distribution": name, "version": version}
+    about: dict[str, Any] = {
+        "name": entry.name,
+        "module": entry.value,
+        "distribution": name,
+        "version": version,
+    }
     if not enabled:
         return Plugin(**about, state="disabled", problem="left out by OPENPRC_PLUGINS")
     try:
@@ -111,7 +129,7 @@ def _import(entry: EntryPoint) -> ModuleType:
         module = entry.load()
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # noqa: BLE001 - a plugin may raise anything, even SystemExit
+    except BaseException as error:
         raise _Refused(
             "broken",
             f"it cannot be imported: {reason(error)}",
@@ -163,7 +181,7 @@ def _call(hook: str, function: Any) -> tuple[Any, ...]:
         items = None if isinstance(returned, str | bytes | Mapping) else tuple(returned)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # noqa: BLE001 - a plugin may raise anything, even SystemExit
+    except BaseException as error:
         raise _Refused("broken", f"{hook} failed: {reason(error)}", fix) from error
     if items is None:
         raise _Refused("broken", f"{hook} returned {type(returned).__name__}", fix)

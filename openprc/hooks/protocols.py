@@ -90,7 +90,9 @@ class Sample:
 class SampleWriter(Protocol):
     """Writes a `Sample` into a folder that the caller made."""
 
-    def __call__(self, folder: Path) -> Sample: ...
+    def __call__(self, folder: Path) -> Sample:
+        """Write the files and say how to import them."""
+        ...
 
 
 class Feature(Protocol):
@@ -108,21 +110,29 @@ class Feature(Protocol):
 class Readout(Protocol):
     """A scikit-learn style regressor or classifier."""
 
-    def fit(self, X: Any, y: Any) -> Any: ...
+    def fit(self, X: Any, y: Any) -> Any:
+        """Learn from (T, F) states and (T,) or (T, O) targets; return self."""
+        ...
 
-    def predict(self, X: Any) -> Any: ...
+    def predict(self, X: Any) -> Any:
+        """Return the prediction for (T, F) states."""
+        ...
 
 
 class Task(Protocol):
     """Input sequence to target sequence, aligned sample by sample."""
 
-    def __call__(self, u: NDArray[np.float64], **parameters: Any) -> NDArray[np.float64]: ...
+    def __call__(self, u: NDArray[np.float64], **parameters: Any) -> NDArray[np.float64]:
+        """Return the (K,) target of the (K,) input."""
+        ...
 
 
 class Benchmark(Protocol):
     """States and input to named numbers."""
 
-    def run(self, trainer: Any, u: NDArray[np.float64], **parameters: Any) -> Any: ...
+    def run(self, trainer: Any, u: NDArray[np.float64], **parameters: Any) -> Any:
+        """Return a score with ``metrics`` and ``metadata``."""
+        ...
 
 
 class Detector(Protocol):

@@ -92,7 +92,7 @@ def unmarked_gaps(view: View) -> Iterator[Complaint]:
     if found.first_nan is not None:
         yield (
             POSITIONS,
-            f"{found.n_nan} NaN, the first at frame {found.first_nan[0]}, node {found.first_nan[1]}",
+            f"{found.n_nan} NaN, first at frame {found.first_nan[0]}, node {found.first_nan[1]}",
             f"{OBSERVED} that marks them",
             "declare_nodes(observed=True)",
         )

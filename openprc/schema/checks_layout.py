@@ -119,7 +119,7 @@ def attributes(view: View) -> Iterator[Complaint]:
 
 def _has_type(value: object, wanted: str) -> bool:
     if wanted == "strings":
-        return isinstance(value, np.ndarray) or (isinstance(value, list | tuple))
+        return isinstance(value, np.ndarray | list | tuple)
     kinds: dict[str, tuple[type, ...]] = {"str": (str,), "int": (int,), "float": (int, float)}
     return isinstance(value, kinds[wanted]) and not isinstance(value, bool)
 

@@ -22,7 +22,6 @@ from openprc.schema.provenance import (
     Source,
     new_run_id,
     now,
-    read_provenance,
     write_provenance,
 )
 from openprc.schema.streams import write_attribute

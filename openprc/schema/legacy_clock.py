@@ -52,9 +52,9 @@ def rebuild(stored: NDArray[np.floating], *, rates: Sequence[float], epoch: floa
     claimed = [_tidy(1.0 / rate) for rate in rates if np.isfinite(rate) and rate > 0]
     # The shortest decimal that fits is what somebody once typed as dt_save.
     decimals = [float(f"{mean:.{digits}g}") for digits in range(1, 10)]
-    index = np.arange(len(time))
+    index = np.arange(len(time), dtype=np.float64)
     for dt in claimed + decimals:
-        even = t0 + index * dt
+        even: NDArray[np.float64] = t0 + index * dt
         difference = float(np.abs(time - even).max())
         if difference <= resolution:
             if difference == 0.0:
@@ -85,8 +85,9 @@ def read_times(dataset: h5py.Dataset, rows: int, *, path: Path) -> NDArray[np.fl
     stored = read(dataset, slice(0, rows)).reshape(-1)
     if stored.dtype.kind != "f":
         stored = stored.astype(np.float64)
-    steps = np.diff(stored.astype(np.float64), prepend=-np.inf)
-    wrong = np.flatnonzero(~(np.isfinite(stored) & (steps > 0)))
+    time = np.where(np.isfinite(stored), stored, np.nan).astype(np.float64)
+    # A comparison with NaN is false, so this finds what is not finite as well.
+    wrong = np.flatnonzero(~(np.diff(time, prepend=time[0] - 1.0) > 0))
     if len(wrong):
         row = int(wrong[0])
         raise UnreadableFile(

@@ -40,7 +40,7 @@ def import_laboratory(
     # The times were cut out of a recording in Unix time and kept its coarse steps.
     epoch = attribute(file, "xml_start_time", 0.0)
     clock = rebuild(stored, rates=[attribute(file, "fps", 0.0)], epoch=epoch)
-    places, seen = declare_tracks(writer, places[:rows], unit=unit)
+    places, seen = declare_tracks(writer, places[:rows], path=path, unit=unit)
     drives = stored_drives(file, path, rows, wires=(), unit=unit)
     for drive in drives:
         drive.declare(writer)
@@ -87,7 +87,7 @@ def import_tracks(
     clock = rebuild(relative, rates=[attribute(file, "fps", 0.0)], epoch=origin)
     if origin != 0.0:
         writer.note(f"time begins at 0; {origin!r} s, the first stored time, was subtracted")
-    places, seen = declare_tracks(writer, places, unit=unit)
+    places, seen = declare_tracks(writer, places, path=path, unit=unit)
     writer.note("nothing says what drove the body")
     _describe(file, writer, unit, clock, said=options.get("unit") is not None)
     writer.append(clock.time, positions=places, observed=seen)
@@ -133,6 +133,7 @@ def declare_tracks(
     writer: TrajectoryWriter,
     places: NDArray[np.float64],
     *,
+    path: Path,
     unit: str,
     status: NDArray[np.uint8] | None = None,
     ids: list[int] | None = None,
@@ -145,13 +146,27 @@ def declare_tracks(
         NaN where nothing was measured. A column z of zeros is left out.
     status : (T, N), optional
         0 missing, 1 measured, 2 filled in; 0 makes the place NaN.
+
+    Raises
+    ------
+    UnreadableFile
+        A place is infinite.
     """
+    if np.isinf(places).any():
+        frame, node, _ = np.argwhere(np.isinf(places))[0]
+        raise UnreadableFile(
+            f"node {node} is at {places[frame, node].tolist()} in frame {frame}",
+            expected="finite numbers, or NaN where nothing was measured",
+            fix="export the recording again",
+            file=path,
+        )
     if places.shape[2] == 3 and not np.nan_to_num(places[..., 2]).any():
         places = places[..., :2]
         writer.note("z is 0 everywhere and was left out: the file has two dimensions")
     finite = np.isfinite(places).all(axis=2)
-    seen = finite.astype(np.uint8) if status is None else np.where(finite, status, 0)
-    seen = seen.astype(np.uint8)
+    seen = np.asarray(finite, dtype=np.uint8)
+    if status is not None:
+        seen *= status
     places = np.where(seen[..., np.newaxis] > 0, places, np.nan)
     gaps = bool((seen != 1).any())
     writer.declare_nodes(

@@ -66,7 +66,12 @@ def import_vision(
             "the last measurements where a point did not come back (observed = 2)"
         )
     places, seen = declare_tracks(
-        writer, places, unit=unit, status=_MARKS[status], ids=_ids(group, places.shape[1])
+        writer,
+        places,
+        path=path,
+        unit=unit,
+        status=_MARKS[status],
+        ids=_ids(group, places.shape[1]),
     )
     writer.note(
         f"times are those of that program, frame number / {fps:g} Hz: wrong for a "

@@ -122,7 +122,7 @@ def load_pickle(path: str | Path, *, trust: bool) -> Any:
             fix="do not open it",
             file=path,
         ) from error
-    except Exception as error:  # noqa: BLE001 - a damaged pickle can raise literally anything
+    except Exception as error:
         raise UnreadableFile(
             f"not a complete pickle of plain data: {type(error).__name__}: {error}",
             expected="a file written by pickle.dump",
@@ -164,7 +164,7 @@ def preview_pickle(path: str | Path) -> PicklePreview | None:
                 memo[len(memo)] = top
                 continue
             if opcode.name in ("BINPUT", "LONG_BINPUT", "PUT"):
-                memo[int(argument)] = top
+                memo[int(argument or 0)] = top
                 continue
             top = ""
             if opcode.name in ("GLOBAL", "INST"):
@@ -172,7 +172,7 @@ def preview_pickle(path: str | Path) -> PicklePreview | None:
             elif opcode.name == "STACK_GLOBAL" and len(recent) >= 2:
                 names.add(f"{recent[-2]}.{recent[-1]}")
             elif opcode.name in ("BINGET", "LONG_BINGET", "GET"):
-                top = memo.get(int(argument), "")
+                top = memo.get(int(argument or 0), "")
                 if top:
                     recent.append(top)
             elif isinstance(argument, str):

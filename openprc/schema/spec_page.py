@@ -72,8 +72,8 @@ def render() -> str:
         "",
         "## Checks",
         "",
-        "`openprc validate FILE` runs these. Codes are stable. An error refuses the file, a warning "
-        "allows it, a hint suggests.",
+        "`openprc validate FILE` runs these. Codes are stable. An error refuses the file, a "
+        "warning allows it, a hint suggests.",
         "",
         "| code | level | profile | what has to hold |",
         "|---|---|---|---|",

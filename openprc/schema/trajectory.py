@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -13,42 +11,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import (
-    IncompleteFile,
-    MissingData,
-    MissingInputError,
-    NonUniformTime,
-    SchemaError,
-)
-from openprc.schema import units
+from openprc.errors import IncompleteFile, MissingInputError, NonUniformTime, SchemaError
+from openprc.schema.digest import content_digest
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
+from openprc.schema.stored import ALL, Frames, InputSignal, StoredData
 from openprc.schema.version import check_version
 
-Frames = slice
-ALL = slice(None)
 
-
-@dataclass(frozen=True)
-class InputSignal:
-    """What drove the body.
-
-    ``value`` is (T, C) on the clock of the file; ``sequence`` is (K, C), the symbols before
-    they were held, symbol k from ``start + k hold`` on, or None.
-    """
-
-    name: str
-    value: NDArray[np.float64]
-    columns: tuple[str, ...]
-    unit: str
-    quantity: str
-    targets: tuple[str, ...]
-    sequence: NDArray[np.float64] | None
-    hold: float | None
-    start: float
-
-
-class Trajectory:
+class Trajectory(StoredData):
     """Open a trajectory for reading. Arrays are read when asked for; nothing is made up.
 
     Parameters
@@ -115,7 +86,7 @@ class Trajectory:
         self.n_frames = min(int(committed[()]), len(time))
         finished = self.status == "complete" or (
             # `openprc repair` leaves a whole file whose run was interrupted.
-            self.status == "interrupted" and self.n_frames == len(time) and self._has_claim(time)
+            self.status == "interrupted" and self.n_frames == len(time) and "uniform" in time.attrs
         )
         if not finished and not allow_incomplete:
             raise IncompleteFile(
@@ -126,10 +97,6 @@ class Trajectory:
                 file=self.path,
                 key="status",
             )
-
-    @staticmethod
-    def _has_claim(time: h5py.Dataset) -> bool:
-        return "uniform" in time.attrs
 
     def _root(self, name: str) -> Any:
         if name not in self._file.attrs:
@@ -384,81 +351,8 @@ class Trajectory:
         return path in self._file
 
     def content_digest(self) -> str:
-        """Return a SHA-256 of all data, leaving out what differs between two equal runs.
+        """Return a SHA-256 of all data; see `openprc.schema.digest.content_digest`."""
+        return content_digest(self._file)
 
-        Left out are the run id, the instant of creation and the provenance.
-        """
-        digest = hashlib.sha256()
 
-        def visit(name: str, item: Any) -> None:
-            if name.startswith("provenance"):
-                return
-            digest.update(name.encode())
-            for key in sorted(item.attrs):
-                digest.update(f"|{key}={item.attrs[key]!r}".encode())
-            if isinstance(item, h5py.Dataset):
-                digest.update(f"|{item.dtype}|{item.shape}".encode())
-                data = item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()]
-                data = np.asarray(data)
-                digest.update(
-                    repr(data.tolist()).encode() if data.dtype == object else data.tobytes()
-                )
-
-        self._file.visititems(visit)
-        return digest.hexdigest()
-
-    # --- reading -----------------------------------------------------------------------------
-
-    def _names(self, group: str) -> tuple[str, ...]:
-        found = self._file.get(group)
-        return tuple(found) if isinstance(found, h5py.Group) else ()
-
-    def _get(self, path: str) -> h5py.Dataset:
-        item = self._file.get(path)
-        if not isinstance(item, h5py.Dataset):
-            owner = path.rpartition("/")[0]
-            there = self._names(owner)
-            raise self._missing(
-                path,
-                "one of " + ", ".join(there) if there else f"nothing is under {owner}",
-                "choose another, or record it with the producer",
-            )
-        return item
-
-    def _series(self, path: str, frames: Frames) -> NDArray[Any]:
-        item = self._get(path)
-        start, stop, step = frames.indices(self.n_frames)
-        if step < 1:
-            raise self._missing(path, "a step of 1 or more", "reverse the array afterwards")
-        data: NDArray[Any] = item[start:stop:step]
-        return data
-
-    def _static(self, path: str, unit: str | None) -> NDArray[Any]:
-        item = self._get(path)
-        if h5py.check_string_dtype(item.dtype) is not None:
-            text: NDArray[Any] = np.asarray(item.asstr()[()])
-            return text
-        return item[()] if unit is None else self._convert(path, item[()], unit)
-
-    def _convert(self, path: str, data: NDArray[Any], unit: str | None) -> NDArray[np.float64]:
-        values: NDArray[np.float64] = data.astype("f8", copy=False)
-        if unit is None:
-            return values
-        stored = str(self._attr(path, "unit"))
-        factor = units.conversion_factor(stored, unit, file=str(self.path), key=path)
-        return values if factor == 1.0 else values * factor
-
-    def _attr(self, path: str, name: str) -> Any:
-        item = self._get(path)
-        if name not in item.attrs:
-            raise self._missing(f"{path}@{name}", "every such dataset has it", "write it again")
-        return item.attrs[name]
-
-    def _strings(self, path: str, name: str) -> tuple[str, ...]:
-        values = np.atleast_1d(self._get(path).attrs.get(name, ()))
-        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values)
-
-    def _missing(
-        self, key: str, expected: str, fix: str, *, found: str = "it is not in the file"
-    ) -> MissingData:
-        return MissingData(found, expected=expected, fix=fix, file=self.path, key=key)
+__all__ = ["InputSignal", "Trajectory"]

@@ -24,7 +24,7 @@ OBSERVED = "/time_series/nodes/observed"
 
 @dataclass
 class Statistics:
-    """Of one numeric dataset, over axis 0: finite minimum and maximum, and where it is not finite."""
+    """Of one numeric dataset over axis 0: finite extremes, and where it is not finite."""
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]

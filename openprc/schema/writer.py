@@ -88,8 +88,7 @@ class TrajectoryWriter(Declarations):
         self._verify = verify
         self._sources: list[Source] = []
         self._notes: list[str] = []
-        self._streams: StreamSet | None = None
-        self._checker: BlockChecker | None = None
+        self._live: tuple[BlockChecker, StreamSet] | None = None
         self._closed = False
         self.partial = atomic.partial_path(self.path)
         self._file = self._open()
@@ -169,7 +168,7 @@ class TrajectoryWriter(Declarations):
         """
         if self._closed:
             return
-        if self._streams is None or self._streams.rows == 0:
+        if self._live is None or self.n_frames == 0:
             raise SchemaError(
                 "no frame was appended",
                 expected="at least one",
@@ -177,7 +176,7 @@ class TrajectoryWriter(Declarations):
                 file=self.path,
                 key="/time_series/time",
             )
-        self._streams.commit(final=True)
+        self._live[1].commit(final=True)
         dataset = self._file["time_series/time"]
         dataset.attrs.update(describe_time(dataset[()]))
         write_provenance(self._file, self.provenance, self._sources, self._notes)
@@ -196,9 +195,9 @@ class TrajectoryWriter(Declarations):
         self._closed = True
         rows = self.n_frames
         if self._file:  # h5py files are false once closed
-            if self._streams is not None:
-                self._streams.commit()
-                rows = self._streams.committed
+            if self._live is not None:
+                self._live[1].commit()
+                rows = self._live[1].committed
             self._file.attrs["status"] = status
             write_provenance(self._file, self.provenance, self._sources, self._notes)
             self._file.close()
@@ -226,7 +225,7 @@ class TrajectoryWriter(Declarations):
     @property
     def n_frames(self) -> int:
         """Frames appended so far."""
-        return 0 if self._streams is None else self._streams.rows
+        return 0 if self._live is None else self._live[1].rows
 
     # --- frames ------------------------------------------------------------------------------
 
@@ -277,18 +276,16 @@ class TrajectoryWriter(Declarations):
                 given[f"/time_series/{group}/{name}"] = value
         for name, value in (inputs or {}).items():
             given[f"/inputs/{name}/value"] = value
-        if self._streams is None:
-            self._begin()
-        assert self._checker is not None and self._streams is not None  # noqa: S101 - for mypy
-        block: Block = self._checker.check(given)
-        self._streams.append(block.arrays, block.rows)
+        checker, streams = self._live or self._begin()
+        block: Block = checker.check(given)
+        streams.append(block.arrays, block.rows)
 
     def commit(self) -> None:
         """Make every frame so far safe against a crash of this process."""
-        if self._streams is not None:
-            self._streams.commit()
+        if self._live is not None:
+            self._live[1].commit()
 
-    def _begin(self) -> None:
+    def _begin(self) -> tuple[BlockChecker, StreamSet]:
         """Freeze the declarations and write everything that does not grow."""
         self.freeze()
         self._file.attrs["dims"] = self.dims
@@ -299,8 +296,11 @@ class TrajectoryWriter(Declarations):
         for owner, attrs in self.group_attrs.items():
             self._file.require_group(owner).attrs.update(attrs)
         self._file.flush()
-        self._streams = StreamSet(self._file, self.streams)
-        self._checker = BlockChecker(self.path, self.streams)
+        self._live = (
+            BlockChecker(self.path, self.streams),
+            StreamSet(self._file, self.streams),
+        )
+        return self._live
 
 
 def _checksummed(data: Any) -> bool | None:

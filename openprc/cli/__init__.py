@@ -1,0 +1,5 @@
+"""The command line: a lazy group, one file a command."""
+
+from openprc.cli.main import main
+
+__all__ = ["main"]

@@ -1,0 +1,98 @@
+"""Access to stored datasets by path: units converted, what is absent named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from openprc.errors import MissingData
+from openprc.schema import units
+
+Frames = slice
+ALL = slice(None)
+
+
+@dataclass(frozen=True)
+class InputSignal:
+    """What drove the body.
+
+    ``value`` is (T, C) on the clock of the file; ``sequence`` is (K, C), the symbols before
+    they were held, symbol k from ``start + k hold`` on, or None.
+    """
+
+    name: str
+    value: NDArray[np.float64]
+    columns: tuple[str, ...]
+    unit: str
+    quantity: str
+    targets: tuple[str, ...]
+    sequence: NDArray[np.float64] | None
+    hold: float | None
+    start: float
+
+
+class StoredData:
+    """The reading half of `Trajectory`: no meaning, only paths."""
+
+    path: Path
+    n_frames: int
+    _file: h5py.File
+
+    def _names(self, group: str) -> tuple[str, ...]:
+        found = self._file.get(group)
+        return tuple(found) if isinstance(found, h5py.Group) else ()
+
+    def _get(self, path: str) -> h5py.Dataset:
+        item = self._file.get(path)
+        if not isinstance(item, h5py.Dataset):
+            owner = path.rpartition("/")[0]
+            there = self._names(owner)
+            raise self._missing(
+                path,
+                "one of " + ", ".join(there) if there else f"nothing is under {owner}",
+                "choose another, or record it with the producer",
+            )
+        return item
+
+    def _series(self, path: str, frames: Frames) -> NDArray[Any]:
+        item = self._get(path)
+        start, stop, step = frames.indices(self.n_frames)
+        if step < 1:
+            raise self._missing(path, "a step of 1 or more", "reverse the array afterwards")
+        data: NDArray[Any] = item[start:stop:step]
+        return data
+
+    def _static(self, path: str, unit: str | None) -> NDArray[Any]:
+        item = self._get(path)
+        if h5py.check_string_dtype(item.dtype) is not None:
+            text: NDArray[Any] = np.asarray(item.asstr()[()])
+            return text
+        return item[()] if unit is None else self._convert(path, item[()], unit)
+
+    def _convert(self, path: str, data: NDArray[Any], unit: str | None) -> NDArray[np.float64]:
+        values: NDArray[np.float64] = data.astype("f8", copy=False)
+        if unit is None:
+            return values
+        stored = str(self._attr(path, "unit"))
+        factor = units.conversion_factor(stored, unit, file=str(self.path), key=path)
+        return values if factor == 1.0 else values * factor
+
+    def _attr(self, path: str, name: str) -> Any:
+        item = self._get(path)
+        if name not in item.attrs:
+            raise self._missing(f"{path}@{name}", "every such dataset has it", "write it again")
+        return item.attrs[name]
+
+    def _strings(self, path: str, name: str) -> tuple[str, ...]:
+        values = np.atleast_1d(self._get(path).attrs.get(name, ()))
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values)
+
+    def _missing(
+        self, key: str, expected: str, fix: str, *, found: str = "it is not in the file"
+    ) -> MissingData:
+        return MissingData(found, expected=expected, fix=fix, file=self.path, key=key)
