@@ -108,6 +108,16 @@ def _guarded(words: list[str], *, as_json: bool) -> int:
         # The reader of a pipe has gone; there is nobody left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        # A full disk, a folder without permission: not a fault of the program, nor of the data.
+        named = f"{error.filename}: " if error.filename else ""
+        text = f"{named}{error.strerror or error}"
+        _tell(
+            {"error": "SystemRefused", "file": error.filename, "found": text},
+            as_json,
+            show=lambda: click.echo(f"error: {text}", err=True),
+        )
+        return 1
     except Exception as error:
         if os.environ.get("OPENPRC_DEBUG"):
             raise
