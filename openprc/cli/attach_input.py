@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from openprc.cli.console import force_option, json_option, print_json
+from openprc.cli.options import FINITE
 from openprc.cli.signal_file import read_signal
 from openprc.schema.derive import attach_input
 
@@ -31,11 +32,11 @@ from openprc.schema.derive import attach_input
 @click.option("--target", "targets", multiple=True, help="What it acted on.")
 @click.option(
     "--hold",
-    type=float,
+    type=FINITE,
     help="Duration of one symbol in the file's unit of time. "
     "Without it the signal has one value a frame.",
 )
-@click.option("--start", type=float, help="When symbol 0 begins. Default: the first frame.")
+@click.option("--start", type=FINITE, help="When symbol 0 begins. Default: the first frame.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
 @force_option
 @json_option

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from openprc.cli.console import console, json_option, print_json, spinner, table
+from openprc.cli.options import FINITE
 
 
 @click.command("benchmark")
@@ -30,10 +31,10 @@ from openprc.cli.console import console, json_option, print_json, spinner, table
     show_default=True,
     help="Frames of each symbol that serve as virtual nodes.",
 )
-@click.option("--washout", type=float, help="Seconds left out at the start. Default: a tenth.")
-@click.option("--train", type=float, help="Seconds of training. Default: two thirds of the rest.")
-@click.option("--test", type=float, help="Seconds of testing. Default: what is left.")
-@click.option("--ridge", type=float, default=1e-6, show_default=True, help="Regularisation.")
+@click.option("--washout", type=FINITE, help="Seconds left out at the start. Default: a tenth.")
+@click.option("--train", type=FINITE, help="Seconds of training. Default: two thirds of the rest.")
+@click.option("--test", type=FINITE, help="Seconds of testing. Default: what is left.")
+@click.option("--ridge", type=FINITE, default=1e-6, show_default=True, help="Regularisation.")
 @click.option(
     "--missing",
     type=click.Choice(["error", "drop", "interpolate"]),
@@ -74,10 +75,13 @@ def command(
 
     features = None
     if feature_name is not None:
+        from openprc.hooks.faults import owned_by  # noqa: PLC0415
         from openprc.hooks.registry import default_registry  # noqa: PLC0415
 
         registry = default_registry()
-        features = registry.load(registry.find("openprc_features", feature_name))()
+        item = registry.find("openprc_features", feature_name)
+        with owned_by(item.qualified_name, "being set up"):
+            features = registry.load(item)()
     with spinner(f"scoring {path.name}", hidden=as_json):
         report = score_file(
             path,

@@ -12,8 +12,10 @@ from typing import Any
 import click
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from openprc.hooks.protocols import Progress as Report
 from openprc.schema.findings import Finding
@@ -28,7 +30,7 @@ def console() -> Console:
     """Return a console for standard output; plain when that is not a terminal."""
     # A pipe has no width; 80 columns would cut tables that a log can hold.
     width = None if sys.stdout.isatty() else 160
-    return Console(width=width, highlight=False, soft_wrap=False)
+    return Console(width=width, highlight=False, soft_wrap=False, emoji=False)
 
 
 def print_json(data: Any) -> None:
@@ -59,7 +61,8 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], *, title: str =
         numeric = bool(rows) and all(_is_number(row[index]) for row in rows)
         made.add_column(name, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
-        made.add_row(*[_cell(value) for value in row])
+        # Text, because rich would take "[mm]" in a plain string for a style and drop it.
+        made.add_row(*[Text(_cell(value)) for value in row])
     return made
 
 
@@ -77,7 +80,8 @@ def print_findings(out: Console, findings: Sequence[Finding]) -> None:
     """Print findings, one block each."""
     for item in findings:
         out.print(
-            f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{item.path}[/]: ", end=""
+            f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{escape(item.path)}[/]: ",
+            end="",
         )
         out.print(item.found, markup=False)
         if item.expected:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -103,7 +103,10 @@ def _produce(item: Registered, folder: Path, way: str, registry: Registry) -> Pr
     native = folder / "native"
     native.mkdir(exist_ok=True)
     with owned_by(item.qualified_name, "writing its sample"):
-        sample: Sample = write_sample(native)
+        sample = write_sample(native)
+        if not isinstance(sample, Sample):
+            raise TypeError(f"it returned a {type(sample).__name__}, not a Sample")
+        signals = {name: _signal(given) for name, given in sample.inputs.items()}
     target = folder / "simulation.h5"
     if way == "run":
         return run_experiment(
@@ -114,16 +117,22 @@ def _produce(item: Registered, folder: Path, way: str, registry: Registry) -> Pr
         sample.path, target, as_name=name, options=sample.options, trust=True, overwrite=True,
         registry=registry,
     )  # fmt: skip
-    for name, signal in sample.inputs.items():
+    for name, signal in signals.items():
         if name not in run.inputs:
             driven = folder / "driven.h5"
-            attach_input(
-                target, driven, name=name, signal=signal["sequence"], hold=signal["hold"],
-                start=signal.get("start", 0.0), unit=signal.get("unit", "1"),
-                quantity=signal.get("quantity", "force"), overwrite=True,
-            )  # fmt: skip
+            attach_input(target, driven, name=name, overwrite=True, **signal)
             driven.replace(target)
     return run
+
+
+def _signal(given: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "signal": given["sequence"],
+        "hold": given["hold"],
+        "start": given.get("start", 0.0),
+        "unit": given.get("unit", "1"),
+        "quantity": given.get("quantity", "force"),
+    }
 
 
 def _score(row: Row, run: ProducedRun, folder: Path, order: int) -> None:

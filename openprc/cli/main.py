@@ -102,7 +102,7 @@ def _guarded(words: list[str], *, as_json: bool) -> int:
         _tell(error.as_dict(), as_json, show=lambda: click.echo(message, err=True))
         return error.exit_code
     except KeyboardInterrupt:
-        click.echo("stopped; what was committed is in the partial file", err=True)
+        click.echo("stopped; of a simulation, what was committed is in the partial file", err=True)
         return 130
     except BrokenPipeError:
         # The reader of a pipe has gone; there is nobody left to tell.
@@ -119,7 +119,7 @@ def _guarded(words: list[str], *, as_json: bool) -> int:
         )
         return 1
     except Exception as error:
-        if os.environ.get("OPENPRC_DEBUG"):
+        if _debugging():
             raise
         text = f"a fault of openprc itself: {type(error).__name__}: {error}"
         fix = "report it with the command; OPENPRC_DEBUG=1 shows the trace"
@@ -129,6 +129,10 @@ def _guarded(words: list[str], *, as_json: bool) -> int:
             show=lambda: click.echo(f"error: {text}\n  to do: {fix}", err=True),
         )
         return 1
+
+
+def _debugging() -> bool:
+    return any(os.environ.get(name) for name in ("OPENPRC_DEBUG", "OPENPRC_PLUGIN_DEBUG"))
 
 
 def _tell(parts: dict[str, Any], as_json: bool, *, show: Any) -> None:

@@ -1,10 +1,29 @@
-"""Reading KEY=VALUE pairs."""
+"""Kinds of options that click does not have."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
+
+
+class FiniteFloat(click.ParamType):
+    """A number; ``nan`` and ``inf``, which `float` takes, would pass every comparison."""
+
+    name = "float"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number, or fail as click's own types do."""
+        number: float = click.FLOAT.convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+FINITE = FiniteFloat()
 
 
 def parse_pairs(pairs: tuple[str, ...]) -> dict[str, Any]:

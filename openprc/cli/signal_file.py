@@ -28,11 +28,24 @@ def read_signal(
     if suffix == ".npz":
         return _npz(path, columns)
     if suffix == ".npy":
-        try:
-            return _matrix(np.load(path, allow_pickle=False), path), ()
-        except (ValueError, EOFError, OSError) as error:
-            raise _not_numbers(path, str(error)) from error
+        return _npy(path, columns)
     return _text(path, columns)
+
+
+def _npy(path: Path, columns: tuple[str, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    if columns:
+        raise ConfigError(
+            f"asked for column {columns[0]!r} of an array without names",
+            expected="no column: every column of the array is taken",
+            fix="leave --column out",
+            file=path,
+            key="column",
+        )
+    try:
+        # Mapped, so that a header that claims terabytes is found out before memory is asked for.
+        return _matrix(np.lib.format.open_memmap(path, mode="r"), path), ()
+    except (ValueError, EOFError, OSError) as error:
+        raise _not_numbers(path, f"not a readable .npy array: {error}") from error
 
 
 def _npz(path: Path, columns: tuple[str, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
@@ -72,11 +85,14 @@ def _text(path: Path, columns: tuple[str, ...]) -> tuple[NDArray[np.float64], tu
         return _matrix(data, path), tuple(header) if named and len(set(header)) == len(
             header
         ) else ()
-    wrong = [name for name in columns if name not in header]
-    if not named or wrong:
+    wrong = [name for name in columns if not named or header.count(name) != 1]
+    wrong += [name for name in columns if columns.count(name) > 1]
+    if wrong:
+        count = header.count(wrong[0]) if named else 0
         raise ConfigError(
-            f"no column {wrong[0] if wrong else columns[0]!r}",
-            expected="one of " + (", ".join(header) if named else "none: there is no header"),
+            f"{count or 'no'} column{'s' * (count > 1)} {wrong[0]!r}"
+            + (" asked for twice" if count == 1 else ""),
+            expected="one of " + ", ".join(header) if named else "no --column: there is no header",
             fix="correct --column",
             file=path,
             key="column",

@@ -18,6 +18,8 @@ from openprc.hooks.hookspecs import GROUP, PLUGIN_API, RECORDS
 
 State = Literal["ok", "broken", "incompatible", "disabled"]
 
+_REPORT = "reinstall or remove it; OPENPRC_PLUGIN_DEBUG=1 shows the trace"
+
 
 class EntryPoint(Protocol):
     """What of `importlib.metadata.EntryPoint` is used here."""
@@ -83,7 +85,7 @@ def distribution_of(entry: EntryPoint) -> tuple[str, str]:
 def load_plugin(entry: EntryPoint, *, enabled: bool = True) -> Plugin:
     """Import an entry point's module and collect its records, or report its fault.
 
-    Nothing that the plugin raises gets out, unless OPENPRC_PLUGIN_DEBUG is set.
+    Nothing that the plugin raises gets out, unless OPENPRC_PLUGIN_DEBUG is set. Ctrl-C does.
     """
     name, version = distribution_of(entry)
     about: dict[str, Any] = {
@@ -100,6 +102,14 @@ def load_plugin(entry: EntryPoint, *, enabled: bool = True) -> Plugin:
         if debugging():
             raise
         return Plugin(**about, state=refused.state, problem=refused.problem, fix=refused.fix)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        # Looking at the names of a module runs its code, too: __getattr__, __dir__, properties.
+        if debugging():
+            raise
+        problem = f"it cannot be looked at: {reason(error)}"
+        return Plugin(**about, state="broken", problem=problem, fix=_REPORT)
     return Plugin(**about, state="ok", records=records)
 
 
@@ -133,7 +143,7 @@ def _import(entry: EntryPoint) -> ModuleType:
         raise _Refused(
             "broken",
             f"it cannot be imported: {reason(error)}",
-            "reinstall or remove it; OPENPRC_PLUGIN_DEBUG=1 shows the trace",
+            _REPORT,
         ) from error
     return module  # type: ignore[no-any-return]
 
@@ -165,7 +175,12 @@ def _check_api(module: ModuleType) -> None:
 
 def _check_hook_names(module: ModuleType) -> None:
     for name in dir(module):
-        if getattr(getattr(module, name, None), f"{GROUP}_impl", None) is None:
+        value = getattr(module, name, None)
+        if getattr(value, f"{GROUP}_impl", None) is None:
+            if name in RECORDS and callable(value):
+                raise _Refused(
+                    "broken", f"{name} is not marked as a hook", "put @hookimpl above it"
+                )
             continue
         if name not in RECORDS:
             near = difflib.get_close_matches(name, RECORDS, n=1)

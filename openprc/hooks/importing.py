@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from openprc.errors import SchemaError
+from openprc.errors import ResultExists, SchemaError
 from openprc.hooks.faults import owned_by
 from openprc.hooks.options import resolve_options
 from openprc.hooks.registry import Registered, Registry, default_registry
@@ -80,7 +80,7 @@ def import_file(
     trust : bool
         Pickles may be read: the caller knows where the file comes from.
     overwrite : bool
-        Replace `out`.
+        Replace `out`; never what is imported.
 
     Raises
     ------
@@ -91,6 +91,13 @@ def import_file(
     started = time.perf_counter()
     path, out = Path(path), Path(out)
     registry = registry or default_registry()
+    if out.exists() and path.exists() and out.samefile(path):
+        raise ResultExists(
+            "the result would replace what is imported",
+            expected="another name for the result",
+            fix="choose another output",
+            file=out,
+        )
     choice = choose_importer(path, registry=registry, as_name=as_name)
     item = choice.item
     values = resolve_options(item.spec, options or {}, trust=trust)

@@ -59,18 +59,30 @@ def _one(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
     if option.kind == "str":
         return str(given)
     if option.kind == "path":
+        if not isinstance(given, str | Path) or not str(given):
+            raise _wrong(spec, option, repr(given), "a path")
         return Path(given)
     if option.kind == "bool":
         text = str(given).lower()
         if text in _TRUE or text in _FALSE:
             return text in _TRUE
         raise _wrong(spec, option, repr(given), "true or false")
+    return _number(spec, option, given)
+
+
+def _number(spec: ProducerSpec, option: OptionSpec, given: Any) -> int | float:
+    whole = option.kind == "int"
+    expected = "a whole number" if whole else "a finite number"
+    if isinstance(given, bool):
+        raise _wrong(spec, option, repr(given), expected)
     try:
-        number = int(given) if option.kind == "int" else float(given)
-    except (TypeError, ValueError):
-        raise _wrong(spec, option, repr(given), f"a number ({option.kind})") from None
-    if isinstance(number, float) and not math.isfinite(number):
-        raise _wrong(spec, option, repr(given), "a finite number")
+        number = int(given) if whole else float(given)
+    except (TypeError, ValueError, OverflowError):
+        raise _wrong(spec, option, repr(given), expected) from None
+    # int(1.5) is 1; nobody asked for that.
+    lost = whole and not isinstance(given, str) and number != given
+    if lost or not math.isfinite(number):
+        raise _wrong(spec, option, repr(given), expected)
     return number
 
 

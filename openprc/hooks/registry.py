@@ -5,15 +5,15 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from typing import Any
 
 from openprc import __version__
-from openprc.errors import AmbiguousName, MissingDependency, PluginError, UnknownName
+from openprc.errors import AmbiguousName, MissingDependency, UnknownName
 from openprc.hooks import discovery
 from openprc.hooks.discovery import EntryPoint, Plugin
 from openprc.hooks.faults import PluginWarning, owned_by
@@ -81,12 +81,11 @@ class Registry:
         installed = discovery.installed_entry_points() if entry_points is None else entry_points
         chosen = os.environ.get("OPENPRC_PLUGINS") if wanted is None else wanted
         pairs = [(_BuiltinEntryPoint(), True), *discovery.select(installed, chosen)]
-        self.plugins: tuple[Plugin, ...] = tuple(
-            sorted(
-                (discovery.load_plugin(entry, enabled=enabled) for entry, enabled in pairs),
-                key=lambda plugin: (plugin.distribution, plugin.name, plugin.module),
-            )
+        loaded = sorted(
+            (discovery.load_plugin(entry, enabled=enabled) for entry, enabled in pairs),
+            key=lambda plugin: (plugin.distribution, plugin.name, plugin.module),
         )
+        self.plugins: tuple[Plugin, ...] = tuple(_without_doubles(loaded))
         for plugin in self.plugins:
             if plugin.state in ("broken", "incompatible"):
                 warnings.warn(
@@ -130,13 +129,15 @@ class Registry:
                 fix=f"say which, for example {full[0]!r}",
                 key=name,
             )
-        names = [item.name for item in items]
-        near = difflib.get_close_matches(name, names, n=1)
+        names = list(dict.fromkeys(item.name for item in items))
+        near = difflib.get_close_matches(
+            name, [*names, *(item.qualified_name for item in items)], n=1
+        )
         broken = [f"{p.name} ({p.problem})" for p in self.plugins if p.problem]
         remark = f"; left out: {', '.join(broken)}" if broken else ""
         raise UnknownName(
             f"there is no {noun} named {name!r}",
-            expected="one of " + ", ".join(names),
+            expected="one of " + (", ".join(names) or "none: nothing is registered"),
             fix=(f"did you mean {near[0]!r}?" if near else "see `openprc plugins`") + remark,
             key=name,
         )
@@ -159,8 +160,10 @@ class Registry:
         ------
         MissingDependency
             When the record needs a package that is not installed.
+        UnknownName
+            When the producer has no such capability.
         PluginError
-            When the producer has no such capability, or its code cannot be loaded.
+            When its code cannot be loaded.
         """
         spec = item.spec
         if isinstance(spec, ProducerSpec):
@@ -177,7 +180,7 @@ class Registry:
             return
         if capability not in spec.capabilities:
             able = [i.name for i in self.producers if capability in i.spec.capabilities]
-            raise PluginError(
+            raise UnknownName(
                 f"{item.name} cannot {capability}; it can {' and '.join(spec.capabilities)}",
                 expected=f"a producer that can {capability}: {', '.join(able) or 'none is there'}",
                 fix="name another producer",
@@ -191,6 +194,30 @@ class Registry:
                 fix=spec.install or f"pip install {' '.join(absent)}",
                 key=item.qualified_name,
             )
+
+
+def _without_doubles(plugins: Iterable[Plugin]) -> Iterator[Plugin]:
+    """Take back the plugins whose ``distribution/name`` another one of that distribution has."""
+    owners: dict[tuple[str, str, str], str] = {}
+    for plugin in plugins:
+        keys = [
+            (plugin.distribution, hook, str(spec.name))
+            for hook, specs in plugin.records.items()
+            for spec in specs
+        ]
+        taken = next((key for key in keys if key in owners), None)
+        if taken is None:
+            owners.update(dict.fromkeys(keys, plugin.name))
+            yield plugin
+            continue
+        yield replace(
+            plugin,
+            state="broken",
+            problem=f"{taken[1]} returned {taken[2]!r}, which {owners[taken]} of the same "
+            "distribution offers already",
+            fix="give each its own name",
+            records={},
+        )
 
 
 def resolve(item: Registered, target: str) -> Any:

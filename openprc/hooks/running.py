@@ -42,6 +42,8 @@ def run_experiment(
         Who simulates.
     seed : int, optional
         For producers that draw random numbers.
+    overwrite : bool
+        Replace a finished result; ``export.overwrite`` in config.json asks for the same.
 
     Raises
     ------
@@ -49,6 +51,8 @@ def run_experiment(
         When the experiment is wrong.
     UnsupportedScene
         When the producer cannot model something in it.
+    PluginError
+        When the producer fails.
     Diverged
         When the integration blew up; the frames before are kept in the partial file.
     """
@@ -58,9 +62,14 @@ def run_experiment(
     item = registry.producer(producer)
     runner = registry.load(item, capability="run")
     experiment = load_experiment(folder)
-    target = Path(out) if out is not None else folder / "output" / "simulation.h5"
+    target = (
+        Path(out) if out is not None else ((experiment.path or folder) / "output" / "simulation.h5")
+    )
     with owned_by(item.qualified_name, "looking at the scene", file=str(folder)):
         remarks = list(runner.supports(experiment))
+        stray = next((remark for remark in remarks if not isinstance(remark, Finding)), None)
+        if stray is not None:
+            raise TypeError(f"supports() returned a {type(stray).__name__}, not a Finding")
     for finding in remarks:
         if finding.level == "error":
             raise UnsupportedScene(
@@ -77,14 +86,16 @@ def run_experiment(
         plugin_version=item.version,
         command=typed_command(),
         seed=seed,
-        deterministic=True,
+        # Of strangers' producers nobody here can promise it.
+        deterministic=True if item.distribution == "openprc" else None,
+        config=experiment.settings(),
     )
     findings: list[Finding] = remarks
     with (
         TrajectoryWriter(
             target,
             provenance=provenance,
-            overwrite=overwrite,
+            overwrite=overwrite or experiment.overwrite,
             verify=lambda partial: findings.extend(refuse_invalid(partial, target)),
         ) as writer,
         owned_by(item.qualified_name, "running", file=str(folder)),

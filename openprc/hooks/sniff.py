@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 
 from openprc.errors import AmbiguousFile, NoImporter, OpenPRCError, UnreadableFile
@@ -96,9 +98,11 @@ def _ask(registry: Registry, item: Registered, path: Path) -> Verdict:
     if absent:
         return Verdict(item, 0.0, f"needs {', '.join(absent)}; {item.spec.install}".rstrip("; "))
     try:
-        score = float(registry.load(item, capability="import").sniff(path))
+        answer = registry.load(item, capability="import").sniff(path)
+        # float() would take the text "0.9", too.
+        score = float(answer) if isinstance(answer, Real) else math.nan
         if not 0.0 <= score <= 1.0:
-            return Verdict(item, 0.0, f"broken: sniff() returned {score!r}")
+            return Verdict(item, 0.0, f"broken: sniff() returned {answer!r}")
     except OpenPRCError as error:
         return Verdict(item, 0.0, f"broken: {error.found}")
     except KeyboardInterrupt:

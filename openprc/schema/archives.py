@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,8 @@ from openprc.errors import UnreadableFile, UnsafeFile
 
 #: Refuse archives that would unpack to more than this.
 MAX_BYTES = 32 << 30
+#: What damaged archives raise, depending on which byte was hit.
+_DAMAGE = (zipfile.BadZipFile, zlib.error, tokenize.TokenError, EOFError, OSError)
 
 
 def npz_headers(path: str | Path) -> dict[str, tuple[tuple[int, ...], np.dtype[np.generic]]]:
@@ -43,7 +47,7 @@ def npz_headers(path: str | Path) -> dict[str, tuple[tuple[int, ...], np.dtype[n
                     )
                 with archive.open(entry) as stream:
                     headers[entry.filename[:-4]] = _header(stream, entry.file_size, path, entry)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, OSError) as error:
+    except (*_DAMAGE, NotImplementedError, RuntimeError) as error:
         raise UnreadableFile(
             f"not a readable .npz archive: {error}",
             expected="a complete file written by numpy.savez",
@@ -64,7 +68,7 @@ def _header(
             else np.lib.format.read_array_header_2_0
         )
         shape, _, dtype = read(stream)  # type: ignore[arg-type]
-    except ValueError as error:
+    except (ValueError, tokenize.TokenError) as error:
         raise UnreadableFile(
             f"the member is not a NumPy array: {error}",
             expected="members written by numpy.savez",
@@ -111,7 +115,7 @@ def load_npz(path: str | Path) -> dict[str, NDArray[np.generic]]:
         with np.load(path, allow_pickle=False) as archive:
             for name in headers:
                 arrays[name] = archive[name]
-    except (zipfile.BadZipFile, EOFError, ValueError, OSError) as error:
+    except (*_DAMAGE, ValueError) as error:
         raise UnreadableFile(
             f"the archive is damaged: {error}",
             expected="a complete file written by numpy.savez",

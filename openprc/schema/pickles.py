@@ -11,6 +11,7 @@ import codecs
 import collections
 import pickle
 import pickletools
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,12 +152,25 @@ def preview_pickle(path: str | Path) -> PicklePreview | None:
         head = stream.read(PREVIEW_BYTES)
     if head[:1] not in (b"\x80", b"(", b"]", b"}", b"c"):
         return None
+    # Bad escapes in a damaged file are warned about by pickletools; nobody needs to hear it.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        preview, steps, whole = _mentions(head)
+    if not steps or (not whole and (steps < 3 or len(head) < PREVIEW_BYTES)):
+        # The preview cuts long files anywhere; what was read up to there still counts.
+        return None
+    return preview
+
+
+def _mentions(head: bytes) -> tuple[PicklePreview, int, bool]:
+    """Return what is mentioned, how many instructions were read, and whether all of them."""
     names: set[str] = set()
     strings: set[str] = set()
     recent: list[str] = []
     memo: dict[int, str] = {}
     top = ""
     steps = 0
+    whole = True
     try:
         for opcode, argument, _ in pickletools.genops(head):
             steps += 1
@@ -180,7 +194,5 @@ def preview_pickle(path: str | Path) -> PicklePreview | None:
                 strings.add(argument)
                 recent.append(argument)
     except (ValueError, UnicodeDecodeError, IndexError):
-        # The preview cuts long files anywhere; what was read up to there still counts.
-        if steps < 3 or len(head) < PREVIEW_BYTES:
-            return None
-    return PicklePreview(frozenset(names), frozenset(strings)) if steps else None
+        whole = False
+    return PicklePreview(frozenset(names), frozenset(strings)), steps, whole

@@ -45,8 +45,7 @@ class StreamSet:
     def __init__(self, file: h5py.File, streams: Mapping[str, Stream]) -> None:
         self._file = file
         self._streams = dict(streams)
-        self._blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in self._streams}
-        self._pending_rows = 0
+        self._pending: list[tuple[int, dict[str, NDArray[Any]]]] = []
         self._pending_bytes = 0
         self._row_bytes = max(1, sum(item.row_bytes for item in self._streams.values()))
         self._last_commit = time.monotonic()
@@ -56,44 +55,52 @@ class StreamSet:
     @property
     def rows(self) -> int:
         """Rows appended so far, committed or not."""
-        return self.committed + self._pending_rows
+        return self.committed + sum(rows for rows, _ in self._pending)
 
     def append(self, block: Mapping[str, NDArray[Any]], rows: int) -> None:
         """Take one block; every stream is in it."""
-        for name, stream in self._streams.items():
-            # The caller may reuse its buffer, so keep a copy.
-            self._blocks[name].append(np.array(block[name], dtype=stream.dtype, order="C"))
-        self._pending_rows += rows
+        # The caller may reuse its buffer, so keep a copy. Copies are taken before any of them is
+        # kept: Ctrl-C between two streams must not leave them of different length.
+        copies = {
+            name: np.array(block[name], dtype=stream.dtype, order="C")
+            for name, stream in self._streams.items()
+        }
+        self._pending.append((rows, copies))
         self._pending_bytes += rows * self._row_bytes
         late = time.monotonic() - self._last_commit > BLOCK_SECONDS
         if self._pending_bytes >= BLOCK_BYTES or late:
             self.commit()
 
     def commit(self, *, final: bool = False) -> None:
-        """Make every appended row safe to read."""
+        """Make every appended row safe to read.
+
+        What is pending is forgotten only at the end, so that a commit that was broken off can
+        be made again: it writes the same rows to the same places.
+        """
         if not self._created:
             self._create(single_block=final)
-        if self._pending_rows:
-            start, stop = self.committed, self.committed + self._pending_rows
+        if self._pending:
+            start, stop = self.committed, self.rows
             for name, stream in self._streams.items():
-                blocks = self._blocks[name]
+                blocks = [block[name] for _, block in self._pending]
                 dataset = self._file[stream.path]
                 dataset.resize(stop, axis=0)
                 dataset[start:stop] = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
-                self._blocks[name] = []
-            self._pending_rows = self._pending_bytes = 0
             self._file.flush()
             self._file["committed"][()] = stop
-            self.committed = stop
+            # One step for the interpreter: nothing can come between these.
+            self.committed, self._pending, self._pending_bytes = stop, [], 0
         self._file.flush()
         self._last_commit = time.monotonic()
 
     def _create(self, *, single_block: bool) -> None:
         for stream in self._streams.values():
+            if stream.path in self._file:
+                del self._file[stream.path]  # of a creation that was broken off
             rows = max(1, min(CHUNK_BYTES // max(1, stream.row_bytes), CHUNK_BYTES // 64))
             if single_block:
                 # The whole run fits in one block: no room is wasted on chunks never filled.
-                rows = max(1, min(rows, self._pending_rows))
+                rows = max(1, min(rows, self.rows))
             dataset = self._file.create_dataset(
                 stream.path,
                 shape=(0, *stream.row),
