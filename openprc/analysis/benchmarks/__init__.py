@@ -1,0 +1,1 @@
+"""Scores, each beside the baselines that it has to beat."""

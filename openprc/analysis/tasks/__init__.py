@@ -1,0 +1,1 @@
+"""Target sequences computed from input sequences."""

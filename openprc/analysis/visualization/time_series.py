@@ -1,0 +1,139 @@
+"""Target and prediction over time, drawn from a readout.h5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from openprc.errors import MissingDependency, TaskError
+from openprc.schema import results
+from openprc.schema.atomic import atomic_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A finished figure and where it goes by default."""
+
+    figure: Figure
+    default_path: Path
+
+    def save(self, path: str | Path | None = None, *, dpi: int = 150) -> Path:
+        """Write the figure in one step, replacing an earlier one, and return its path.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            By default beside the readout. The ending chooses the format.
+        """
+        target = self.default_path if path is None else Path(path)
+        with atomic_file(target, overwrite=True) as temporary:
+            self.figure.savefig(temporary, dpi=dpi, format=target.suffix.lstrip(".") or "png")
+        return target
+
+
+class TimeSeriesComparison:
+    """Plot what was to be imitated against what the readout made of it."""
+
+    def plot(
+        self,
+        readout_path: str | Path,
+        start_frame: int = 0,
+        end_frame: int | None = None,
+        *,
+        span: Literal["validation", "training"] = "validation",
+        output: int = 0,
+    ) -> Plot:
+        """Draw rows `start_frame` to `end_frame` of one span.
+
+        Parameters
+        ----------
+        readout_path : path-like
+            A readout.h5.
+        start_frame, end_frame : int
+            Rows within the span, the second one excluded; ends beyond the last row are cut.
+        span : {"validation", "training"}
+        output : int
+            Column of the target.
+
+        Raises
+        ------
+        TaskError
+            When there is nothing in that range, or no such span or output.
+        MissingDependency
+            When matplotlib is not installed.
+        UnreadableFile, SchemaError
+            When it is no readout file.
+        """
+        path = Path(readout_path)
+        stored = results.read_result(path)
+        if f"{span}/target" not in stored.arrays:
+            raise TaskError(
+                f"the file has no span {span!r}",
+                expected="training or validation of a readout.h5",
+                fix="name a readout file and one of its spans",
+                file=path,
+                key="span",
+            )
+        time, target, prediction = (
+            stored.array(f"{span}/{name}") for name in ("time", "target", "prediction")
+        )
+        if not 0 <= output < target.shape[1]:
+            raise TaskError(
+                f"output is {output}",
+                expected=f"0 to {target.shape[1] - 1}",
+                fix="choose a column of the target",
+                file=path,
+                key="output",
+            )
+        rows = slice(start_frame, end_frame)
+        if start_frame < 0 or not len(time[rows]):
+            raise TaskError(
+                f"rows {start_frame} to {end_frame} are empty",
+                expected=f"a range within the {len(time)} rows of {span}",
+                fix="correct start_frame and end_frame",
+                file=path,
+                key="start_frame",
+            )
+        unit = str(stored.attrs.get("time_unit", "s"))
+        figure = _draw(
+            time[rows],
+            target[rows, output],
+            prediction[rows, output],
+            title=f"{stored.attrs.get('task_name', path.stem)}, {span}: "
+            f"NRMSE {float(np.sqrt(stored.array(f'{span}/NMSE')[output])):.3g}",
+            x_label="time [s]" if unit == "s" else "load step",
+        )
+        return Plot(figure, path.with_name(f"{path.stem}_{span}.png"))
+
+
+def _draw(
+    time: np.ndarray, target: np.ndarray, prediction: np.ndarray, *, title: str, x_label: str
+) -> Figure:
+    try:
+        # The object interface with its own canvas: no window system, no global state.
+        from matplotlib.backends.backend_agg import (
+            FigureCanvasAgg,
+        )
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependency(
+            "matplotlib is not installed",
+            expected="matplotlib, which draws the plots",
+            fix="pip install matplotlib",
+        ) from error
+    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.plot(time, target, color="0.2", linewidth=1.4, label="target")
+    axes.plot(time, prediction, color="tab:red", linewidth=1.0, linestyle="--", label="prediction")
+    axes.set_xlabel(x_label)
+    axes.set_title(title, fontsize="medium")
+    axes.legend(loc="upper right", frameon=False)
+    axes.margins(x=0)
+    return figure

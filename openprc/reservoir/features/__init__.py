@@ -1,0 +1,1 @@
+"""Features: trajectory to state matrix."""

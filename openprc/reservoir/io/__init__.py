@@ -1,0 +1,1 @@
+"""Reading states and inputs out of simulation.h5."""

@@ -1,0 +1,1 @@
+"""Readouts: state matrix to target."""

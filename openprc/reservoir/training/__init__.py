@@ -1,0 +1,1 @@
+"""Splitting, scaling, fitting and scoring."""
