@@ -39,6 +39,7 @@ def openprc_producers() -> list[ProducerSpec]:
             load="openprc.schema.legacy:LegacyImporter",
             capabilities=("import",),
             suffixes=(".h5", ".hdf5", ".json"),
+            options=(OptionSpec("unit", "Unit of length, where the file does not state it"),),
         ),
         ProducerSpec(
             name="vision",
@@ -52,6 +53,8 @@ def openprc_producers() -> list[ProducerSpec]:
             options=(
                 OptionSpec("detector", "How points are found in the first frame",
                            default="shi-tomasi", choices=("shi-tomasi", "sift", "orb", "akaze")),
+                OptionSpec("fps", "Frames per second, instead of the container's times",
+                           kind="float"),
                 OptionSpec("max_points", "Most points to track", kind="int", default=100),
                 OptionSpec("points", "CSV of x,y in px to track instead", kind="path"),
                 OptionSpec("win_size", "Side of the tracking window in px", kind="int", default=21),

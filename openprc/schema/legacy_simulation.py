@@ -243,8 +243,12 @@ def _choose(file: h5py.File, plan: Plan, writer: TrajectoryWriter) -> None:
 
 def _declare(file: h5py.File, plan: Plan, writer: TrajectoryWriter, *, driven: set[int]) -> None:
     geometry, places = plan.geometry, file[_POSITIONS]
-    fixed = None
+    fixed = masses = None
     if geometry is not None:
+        masses = geometry.masses
+        if masses is not None and not (masses >= 0).all():
+            writer.note("some masses are negative or not finite: the masses were left out")
+            masses = None
         if plan.dims == 2 and geometry.rest[:, 2].any():
             plan.dims = places.shape[2]
         if geometry.fixed is not None:
@@ -257,7 +261,7 @@ def _declare(file: h5py.File, plan: Plan, writer: TrajectoryWriter, *, driven: s
         dtype="f4" if places.dtype == np.float32 else "f8",
         velocities=plan.velocities,
         rest=None if geometry is None else geometry.rest[:, : plan.dims],
-        mass=None if geometry is None else geometry.masses,
+        mass=masses,
         fixed=fixed,
     )
     for kind, elements in ({} if geometry is None else geometry.elements).items():

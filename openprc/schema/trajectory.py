@@ -11,7 +11,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import IncompleteFile, MissingInputError, NonUniformTime, SchemaError
+from openprc.errors import (
+    IncompleteFile,
+    MissingInputError,
+    NonUniformTime,
+    SchemaError,
+    UnreadableFile,
+)
 from openprc.schema.digest import content_digest
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
@@ -50,6 +56,14 @@ class Trajectory(StoredData):
         self._file = open_hdf5(self.path)
         try:
             self._begin(allow_incomplete=allow_incomplete)
+        except (OSError, RuntimeError, ValueError, TypeError, LookupError) as error:
+            self._file.close()
+            raise UnreadableFile(
+                f"its envelope is damaged: {' '.join(str(error).split())}",
+                expected="root attributes and a counter as the contract has them",
+                fix="copy or export the file again",
+                file=self.path,
+            ) from error
         except BaseException:
             self._file.close()
             raise
@@ -83,7 +97,7 @@ class Trajectory(StoredData):
                 )
             key = "/time_series/time" if committed is not None else "/committed"
             raise self._missing(key, "a trajectory has one", "write it with TrajectoryWriter")
-        self.n_frames = min(int(committed[()]), len(time))
+        self.n_frames = max(0, min(int(committed[()]), len(time)))
         finished = self.status == "complete" or (
             # `openprc repair` leaves a whole file whose run was interrupted.
             self.status == "interrupted" and self.n_frames == len(time) and "uniform" in time.attrs
@@ -131,8 +145,7 @@ class Trajectory(StoredData):
     @cached_property
     def time(self) -> NDArray[np.float64]:
         """Time of every frame, (T,), in `time_unit`."""
-        values: NDArray[np.float64] = self._file["time_series/time"][: self.n_frames]
-        return values
+        return self._series("/time_series/time", ALL)
 
     @property
     def time_unit(self) -> str:
@@ -225,7 +238,14 @@ class Trajectory(StoredData):
         path = f"/time_series/nodes/{name}"
         data = self._series(path, frames)
         if nodes is not None:
-            chosen = np.asarray(nodes, dtype=np.intp).reshape(-1)
+            chosen = np.asarray(nodes).reshape(-1)
+            if chosen.size and chosen.dtype.kind not in "iu":
+                # A mask or a fraction would quietly become other indices.
+                raise self._missing(
+                    path, "indices of nodes", "numpy.flatnonzero turns a mask into indices",
+                    found=f"nodes of type {chosen.dtype}",
+                )  # fmt: skip
+            chosen = chosen.astype(np.intp)
             wrong = chosen[(chosen < 0) | (chosen >= data.shape[1])]
             if wrong.size:
                 raise self._missing(
@@ -334,9 +354,9 @@ class Trajectory(StoredData):
             unit=str(attrs.get("unit", "arb")),
             quantity=str(attrs.get("quantity", "")),
             targets=self._strings(base + "/value", "targets"),
-            sequence=sequence[()] if held else None,
-            hold=float(sequence.attrs["hold"]) if held else None,
-            start=float(sequence.attrs.get("start", 0.0)) if held else 0.0,
+            sequence=self._static(base + "/sequence", None) if held else None,
+            hold=float(self._attr(base + "/sequence", "hold")) if held else None,
+            start=float(self._attr(base + "/sequence", "start")) if held else 0.0,
         )
 
     # --- the rest ----------------------------------------------------------------------------
@@ -345,6 +365,16 @@ class Trajectory(StoredData):
     def provenance(self) -> dict[str, Any]:
         """Where the file came from, as plain values."""
         return read_provenance(self._file)
+
+    def unit(self, path: str) -> str:
+        """Return the unit of a dataset, named by its path in the file.
+
+        Raises
+        ------
+        MissingData
+            When the dataset is not there or has no unit.
+        """
+        return str(self._attr(path, "unit"))
 
     def has(self, path: str) -> bool:
         """Tell whether an object is in the file."""
