@@ -29,7 +29,7 @@ def openprc_producers() -> list[ProducerSpec]:
             capabilities=("run",),
             needs={"run": ("numba",)},
             install="pip install numba",
-            elements=("nodes", "bars", "gravity", "damping", "position-actuators",
+            elements=("nodes", "bars", "hinges", "gravity", "damping", "position-actuators",
                       "force-actuators"),
             sample="openprc.demlat.samples:write_sample",
         ),

@@ -108,7 +108,7 @@ def import_file(
         plugin=item.distribution,
         plugin_version=item.version,
         command=typed_command(),
-        config={key: value for key, value in values.items() if value not in (None, ())},
+        config={k: _nameless(v) for k, v in values.items() if v not in (None, ())},
     )
     findings: list[Finding] = []
     with (
@@ -127,6 +127,19 @@ def import_file(
         out, item, confidence=choice.score, notes=writer.notes, findings=findings,
         seconds=time.perf_counter() - started,
     )  # fmt: skip
+
+
+def _nameless(value: Any) -> Any:
+    """Return an option without the folders that it names: files know base names only."""
+    if isinstance(value, Path):
+        return value.name
+    if isinstance(value, tuple):
+        return tuple(_nameless(item) for item in value)
+    if isinstance(value, str):
+        key, equals, tail = value.rpartition("=")
+        if tail and Path(tail).exists():
+            return f"{key}{equals}{Path(tail).name}"
+    return value
 
 
 def refuse_invalid(partial: Path, final: Path) -> tuple[Finding, ...]:

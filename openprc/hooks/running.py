@@ -62,14 +62,13 @@ def run_experiment(
     item = registry.producer(producer)
     runner = registry.load(item, capability="run")
     experiment = load_experiment(folder)
-    target = (
-        Path(out) if out is not None else ((experiment.path or folder) / "output" / "simulation.h5")
-    )
+    home = experiment.path or folder  # `folder` may be the input folder itself
+    target = Path(out) if out is not None else home / "output" / "simulation.h5"
     with owned_by(item.qualified_name, "looking at the scene", file=str(folder)):
         remarks = list(runner.supports(experiment))
-        stray = next((remark for remark in remarks if not isinstance(remark, Finding)), None)
-        if stray is not None:
-            raise TypeError(f"supports() returned a {type(stray).__name__}, not a Finding")
+        for remark in remarks:
+            if not isinstance(remark, Finding):
+                raise TypeError(f"supports() returned a {type(remark).__name__}, not a Finding")
     for finding in remarks:
         if finding.level == "error":
             raise UnsupportedScene(

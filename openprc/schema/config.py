@@ -13,7 +13,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (  # noqa: TID253 - this module is loaded only to read a config
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from openprc.errors import ConfigError, SchemaTooNew
@@ -53,15 +60,11 @@ class SimulationSection(_Section):
                 nearest = max(round(total / part), 1)
                 raise PydanticCustomError(
                     "multiple",
-                    "{name} = {total:g} s is {ratio:.6g} times {part_name} = {part:g} s"
-                    "; expected a whole multiple, such as {nearest:.12g} s",
+                    "{text}",
                     {
-                        "name": name,
-                        "total": total,
-                        "ratio": total / part,
-                        "part_name": part_name,
-                        "part": part,
-                        "nearest": nearest * part,
+                        "field": name,
+                        "text": f"{total:g} s is {total / part:.6g} times {part_name} = {part:g} s"
+                        f"; expected a whole multiple, such as {nearest * part:.12g} s",
                     },
                 )
         return self
@@ -287,6 +290,8 @@ def _config_error(
     for detail in details:
         # A union reports each of its branches; the branch names are no part of the path.
         path = tuple(p for p in detail["loc"] if p not in ("float", "tuple[float, float, float]"))
+        if detail["type"] == "multiple":
+            path = (*path, detail["ctx"]["field"])
         key = names.user_key(path) if names else dotted(path)
         mistakes.append((key, *_explain(detail, path)))
     if names:

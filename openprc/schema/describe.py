@@ -5,26 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
-from openprc.errors import SchemaError
 from openprc.schema.results import read_result
 from openprc.schema.safety import open_hdf5
 from openprc.schema.trajectory import Trajectory
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """Return the outline of a trajectory or results file as plain values.
+    """Return the outline of a file as plain values; of foreign HDF5, what is in it.
 
     Raises
     ------
     UnreadableFile, UnsafeFile
         When the file cannot be opened.
     SchemaError
-        When it is HDF5 of another kind; the message says how to import it.
+        When it is a file of the contract that breaks it.
     """
     path = Path(path)
-    with open_hdf5(path) as file:
+    with open_hdf5(path, allow_references=True, allow_vlen=True) as file:
         kind = str(file.attrs.get("kind", "")) if "openprc_schema" in file.attrs else ""
     if kind == "trajectory":
         with Trajectory(path, allow_incomplete=True) as trajectory:
@@ -39,12 +39,26 @@ def describe(path: str | Path) -> dict[str, Any]:
             "arrays": {name: list(array.shape) for name, array in result.arrays.items()},
             "provenance": dict(result.provenance),
         }
-    raise SchemaError(
-        f"HDF5 of kind {kind!r}" if kind else "HDF5, but not a file of this contract",
-        expected="a trajectory, readout, metrics or optimization file",
-        fix="for an experiment folder name the folder; for a foreign file try `openprc import`",
-        file=path,
-    )
+    return _foreign(path, kind)
+
+
+def _foreign(path: Path, kind: str) -> dict[str, Any]:
+    """Outline HDF5 that is none of the package's results: names, shapes and types."""
+    datasets: dict[str, str] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            datasets[name] = f"{item.shape} {item.dtype}"
+
+    with open_hdf5(path, allow_references=True, allow_vlen=True) as file:
+        attributes = {name: str(value) for name, value in file.attrs.items()}
+        file.visititems(visit)
+    return {
+        "path": str(path),
+        "kind": kind or "HDF5 of another program; `openprc import` may read it",
+        "attributes": attributes,
+        "datasets": datasets,
+    }
 
 
 def _trajectory(trajectory: Trajectory) -> dict[str, Any]:

@@ -12,9 +12,8 @@ from openprc.hooks.protocols import Sample
 from openprc.vision.video import load_cv2
 
 FPS = 30.0
-#: Frames per input symbol.
-HOLD_FRAMES = 3
-N_SYMBOLS = 100
+#: A symbol is held from one frame to the next.
+N_SYMBOLS = 500
 SHAPE = (120, 160)
 
 _SPACING = 40.0
@@ -33,25 +32,32 @@ def patch_centres() -> NDArray[np.float64]:
 
 
 def displacements() -> NDArray[np.float64]:
-    """Return the motion of the patches, (T, 12, 2) [px].
+    """Return the motion of the patches at rest and after each symbol, (K + 1, 12, 2) [px].
 
-    Each patch follows the held drive u through a first-order lag with its own time constant,
-    x' = (u - x) / tau, whose exact step over a frame is x <- u + (x - u) exp(-dt / tau). Up
-    and down it moves by the squashed state of a slower lag, which makes the body nonlinear.
+    Patch i moves in x as a damped oscillator that the held drive u pulls along,
+    ``x'' + 2 zeta w x' + w^2 (x - u) = 0``, with a frequency w of its own; its exact step over
+    one symbol is that of the free oscillator in x - u. In y it shows a squashed view of its
+    velocity, which is what makes the body nonlinear.
     """
-    held = np.repeat(symbols()[:, 0], HOLD_FRAMES)
-    tau = np.geomspace(0.05, 0.6, 12)
-    decay = np.exp(-1.0 / FPS / np.stack([tau, 1.5 * tau], axis=1))
-    state = np.zeros((len(held), 12, 2))
-    for i in range(1, len(held)):
-        # Frame i shows what the drive did in the interval before it.
-        state[i] = held[i - 1] + (state[i - 1] - held[i - 1]) * decay
-    state[..., 1] = np.tanh(2.0 * state[..., 1])
+    hold = 1.0 / FPS
+    w = 2.0 * np.pi / (hold * np.geomspace(2.5, 25.0, 12))
+    zeta = 0.6
+    rate, ringing = zeta * w, w * np.sqrt(1.0 - zeta**2)
+    decay = np.exp(-rate * hold)
+    cosine, sine = np.cos(ringing * hold), np.sin(ringing * hold) / ringing
+    state = np.zeros((N_SYMBOLS + 1, 12, 2))
+    x, v = np.zeros(12), np.zeros(12)
+    for k, u in enumerate(symbols()[:, 0]):
+        away = x - u
+        x = u + decay * ((cosine + rate * sine) * away + sine * v)
+        v = decay * ((cosine - rate * sine) * v - w**2 * sine * away)
+        squashed = np.tanh(2.0 * (v / w + 0.6)) - np.tanh(1.2)
+        state[k + 1] = np.stack([x / 1.5, squashed], axis=-1)
     return _AMPLITUDE * state
 
 
 def write_sample(folder: Path) -> Sample:
-    """Render the patches into a lossless AVI in `folder`.
+    """Render the patches into a lossless AVI in `folder`: at rest, then after each symbol.
 
     Raises
     ------
@@ -87,9 +93,9 @@ def write_sample(folder: Path) -> Sample:
         )
     drive = {
         "sequence": symbols(),
-        "hold": HOLD_FRAMES / FPS,
+        "hold": 1.0 / FPS,
         "start": 0.0,
         "unit": "1",
         "quantity": "drive",
     }
-    return Sample(path=path, options={"max_points": 24}, inputs={"drive": drive})
+    return Sample(path=path, options={"max_points": 12}, inputs={"drive": drive})

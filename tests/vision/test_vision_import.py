@@ -65,8 +65,8 @@ def sample(tmp_path_factory):
 @pytest.mark.parametrize("detector", ["shi-tomasi", "sift", "orb", "akaze"])
 def test_tracks_of_the_sample_follow_the_closed_form(sample, tmp_path, detector):
     with convert(sample.path, tmp_path / "run.h5", detector=detector, **sample.options) as run:
-        assert (run.n_frames, run.dims, run.position_unit) == (300, 2, "px")
-        assert 2 <= run.n_nodes <= 24
+        assert (run.n_frames, run.dims, run.position_unit) == (501, 2, "px")
+        assert 2 <= run.n_nodes <= 12
         assert run.dt == pytest.approx(1 / samples.FPS)
         places = run.positions()
     gap = np.linalg.norm(places[0][:, None] - samples.patch_centres(), axis=2)
@@ -80,8 +80,8 @@ def test_tracks_of_the_sample_follow_the_closed_form(sample, tmp_path, detector)
 
 def test_sample_names_the_symbols_that_drive_it(sample):
     drive = sample.inputs["drive"]
-    assert drive["sequence"].shape == (100, 1)
-    assert drive["hold"] == pytest.approx(0.1)
+    assert drive["sequence"].shape == (500, 1)
+    assert drive["hold"] == pytest.approx(1 / samples.FPS)
 
 
 @real_data
@@ -163,7 +163,7 @@ def test_constant_rate(tmp_path, name):
 
 def test_rate_of_the_camera_wins(sample, tmp_path):
     with convert(sample.path, tmp_path / "run.h5", max_points=4, fps=15000.0) as run:
-        np.testing.assert_allclose(run.time, np.arange(300) / 15000, rtol=1e-15)
+        np.testing.assert_allclose(run.time, np.arange(501) / 15000, rtol=1e-15)
         assert "as asked" in notes(run)
 
 
@@ -321,8 +321,8 @@ def test_truncated_videos(sample, tmp_path):
     half = tmp_path / "half.avi"
     half.write_bytes(raw[: len(raw) // 2])
     with convert(half, tmp_path / "half.h5", max_points=4) as run:
-        assert 100 < run.n_frames < 200
-        assert "declares 300 frames" in notes(run)
+        assert 200 < run.n_frames < 300
+        assert "declares 501 frames" in notes(run)
 
 
 @real_data

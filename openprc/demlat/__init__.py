@@ -1,0 +1,35 @@
+"""The native engine: bar-hinge lattices, integrated with a fourth-order Runge-Kutta scheme.
+
+The public names are resolved on first use, so importing this package costs nothing and
+building an experiment does not wait for a compiler.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from openprc.demlat.engine import Engine
+    from openprc.demlat.models.barhinge.model import BarHingeModel
+    from openprc.demlat.setup import SimulationSetup
+    from openprc.demlat.simulation import Simulation
+
+_LAZY = {
+    "BarHingeModel": "openprc.demlat.models.barhinge.model",
+    "Engine": "openprc.demlat.engine",
+    "Simulation": "openprc.demlat.simulation",
+    "SimulationSetup": "openprc.demlat.setup",
+}
+
+__all__ = ["BarHingeModel", "Engine", "Simulation", "SimulationSetup"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

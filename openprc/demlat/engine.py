@@ -1,0 +1,124 @@
+"""`Engine`: run an experiment folder and leave its ``output/simulation.h5``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from openprc import __version__
+from openprc.demlat.models.barhinge.model import BACKENDS, Backend, BarHingeModel
+from openprc.demlat.producer import DemlatProducer, refuse_unsupported
+from openprc.demlat.simulation import Simulation
+from openprc.errors import ConfigError
+from openprc.schema.provenance import Provenance
+from openprc.schema.writer import TrajectoryWriter
+
+if TYPE_CHECKING:
+    from openprc.hooks.protocols import Progress
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Where the trajectory is, how many frames it has, and what should be known about it.
+
+    ``wall_time`` [s] includes compiling, the first time on a machine.
+    """
+
+    path: Path
+    n_frames: int
+    wall_time: float
+    notes: tuple[str, ...] = ()
+
+
+class Engine:
+    """Runs simulations with one model.
+
+    Parameters
+    ----------
+    model : type
+        `BarHingeModel`.
+    backend : {"auto", "cpu", "cuda", "jax"}
+        See `BarHingeModel`.
+
+    Examples
+    --------
+    >>> from openprc import demlat
+    >>> from openprc.demlat import BarHingeModel
+    >>> engine = demlat.Engine(BarHingeModel, backend="auto")
+    """
+
+    def __init__(self, model: type[BarHingeModel], backend: Backend = "auto") -> None:
+        if not (isinstance(model, type) and issubclass(model, BarHingeModel)):
+            raise ConfigError(
+                f"the model {model!r}",
+                expected="the class openprc.demlat.BarHingeModel, not an object of it",
+                key="model",
+            )
+        if backend not in BACKENDS:
+            raise ConfigError(
+                f"the backend {backend!r}", expected="one of " + ", ".join(BACKENDS), key="backend"
+            )
+        self.model = model
+        self.backend: Backend = backend
+
+    def run(
+        self,
+        simulation: Simulation | str | Path,
+        *,
+        overwrite: bool | None = None,
+        progress: Progress | None = None,
+    ) -> RunResult:
+        """Simulate, and write ``output/simulation.h5``.
+
+        Parameters
+        ----------
+        simulation : Simulation or path-like
+        overwrite : bool, optional
+            Replace a finished result. By default as ``export.overwrite`` in config.json says,
+            which a `SimulationSetup` made with ``overwrite=True`` sets.
+        progress : callable, optional
+            Called as ``progress(fraction, message)``.
+
+        Raises
+        ------
+        ResultExists
+            When there is a result that may not be replaced.
+        UnsupportedScene
+            When the scene has something that the engine cannot model.
+        Diverged
+            When the integration blows up; the frames before that stay in
+            ``simulation.h5.partial``.
+        """
+        began = time.perf_counter()
+        if not isinstance(simulation, Simulation):
+            simulation = Simulation(simulation)
+        experiment = simulation.experiment
+        producer = DemlatProducer(model=self.model, backend=self.backend)
+        # Before anything is created.
+        refuse_unsupported(producer.supports(experiment), producer="demlat")
+        provenance = Provenance(
+            "demlat",
+            producer_version=__version__,
+            plugin_version=__version__,
+            deterministic=True,
+            config=experiment.settings(),
+        )
+        with TrajectoryWriter(
+            simulation.result_path,
+            provenance=provenance,
+            overwrite=experiment.overwrite if overwrite is None else overwrite,
+        ) as writer:
+            for source in experiment.sources:
+                writer.add_source(source, role="experiment")
+            if progress is None:
+                producer.run(experiment, writer)
+            else:
+                producer.run(experiment, writer, progress=progress)
+        return RunResult(
+            path=simulation.result_path,
+            n_frames=writer.n_frames,
+            wall_time=time.perf_counter() - began,
+            notes=writer.notes,
+        )

@@ -1,0 +1,1 @@
+"""Time integrators, one file a scheme. Each runs a whole block of frames in compiled code."""

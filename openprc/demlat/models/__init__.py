@@ -1,0 +1,1 @@
+"""Mechanical models: what the nodes of an experiment feel."""

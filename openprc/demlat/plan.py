@@ -1,0 +1,266 @@
+"""From an experiment to flat arrays, and what the engine has to say about it beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from openprc.demlat.models.barhinge.tables import BarTable, Drives, HingeTable, NodeTable
+from openprc.demlat.signals import SAMPLE_SLACK, SignalTable, sample_signal, signal_table
+from openprc.demlat.stability import stable_step
+from openprc.schema.findings import Finding
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from openprc.schema.experiment import Experiment
+
+INTEGRATORS = ("rk4",)
+#: A coordinate beyond this many times the size of the scene is no result but a blow-up.
+ESCAPE_FACTOR = 1e6
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that the compiled loop is given, apart from the state.
+
+    Attributes
+    ----------
+    nodes, bars, hinges, drives, signals
+        Flat tables.
+    positions, velocities : (N, 3) [m], [m/s]
+        At t = 0; the compiled code puts driven axes where their signals are.
+    step : float [s]
+        ``save_interval / steps_per_frame``, so that frames are hit without rounding.
+    escape_limit : float [m]
+    """
+
+    nodes: NodeTable
+    bars: BarTable
+    hinges: HingeTable
+    drives: Drives
+    signals: SignalTable
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    step: float
+    steps_per_frame: int
+    n_frames: int
+    escape_limit: float
+
+
+def make_plan(experiment: Experiment) -> Plan:
+    """Flatten an experiment whose `supports` is empty."""
+    geometry = experiment.geometry
+    bars, hinges = geometry.bars, geometry.hinges
+    used = list(dict.fromkeys(actuator.signal for actuator in experiment.actuators))
+    size = scene_size(experiment)
+    return Plan(
+        nodes=_node_table(experiment),
+        bars=BarTable(
+            i=bars.indices[:, 0].astype(np.int64),
+            j=bars.indices[:, 1].astype(np.int64),
+            stiffness=bars.stiffness.copy(),
+            relaxed=bars.relaxed_length,
+            damping=bars.damping.copy(),
+        ),
+        hinges=HingeTable(
+            *(hinges.indices[:, column].astype(np.int64) for column in range(4)),
+            stiffness=hinges.stiffness.copy(),
+            rest_bend=hinges.rest_angle - np.pi,
+            damping=hinges.damping.copy(),
+        ),
+        drives=_drives(experiment, used),
+        signals=signal_table([experiment.signals[name] for name in used]),
+        positions=geometry.positions.copy(),
+        velocities=geometry.velocities.copy(),
+        step=experiment.save_interval / experiment.steps_per_frame,
+        steps_per_frame=experiment.steps_per_frame,
+        n_frames=experiment.n_frames,
+        escape_limit=ESCAPE_FACTOR * size,
+    )
+
+
+def scene_size(experiment: Experiment) -> float:
+    """Return a length [m] that every coordinate of a sound run stays comparable to."""
+    geometry, duration = experiment.geometry, experiment.duration
+    lengths = [np.abs(geometry.positions).max(), np.max(geometry.bars.rest_length, initial=0.0)]
+    # Flights of free nodes over the whole duration are sound as well.
+    lengths.append(np.abs(geometry.velocities).max() * duration)
+    lengths.append(np.abs(experiment.gravity).max() * duration**2)
+    lightest = np.min(geometry.masses[geometry.masses > 0], initial=np.inf)
+    for actuator in experiment.actuators:
+        largest = np.abs(experiment.signals[actuator.signal].values).max()
+        push = largest / lightest * duration**2
+        lengths.append(largest if actuator.type == "position" else push)
+    return float(max(lengths)) or 1.0
+
+
+def node_drag(experiment: Experiment) -> NDArray[np.float64]:
+    """Return the drag coefficients ``damping * m_i / mean(m)``: (N,) [kg/s]."""
+    masses = experiment.geometry.masses
+    if experiment.damping == 0.0 or not masses.any():
+        return np.zeros(len(masses))
+    drag: NDArray[np.float64] = experiment.damping * masses / masses[masses > 0].mean()
+    return drag
+
+
+def _node_table(experiment: Experiment) -> NodeTable:
+    geometry = experiment.geometry
+    driven = experiment.driven_axes("position")
+    held = driven | geometry.fixed[:, np.newaxis]
+    masses = np.where(held, 1.0, geometry.masses[:, np.newaxis])
+    return NodeTable(
+        mass=geometry.masses.copy(),
+        inverse_mass=np.where(held, 0.0, 1.0 / masses),
+        drag=node_drag(experiment),
+        weight=geometry.masses[:, np.newaxis] * np.array(experiment.gravity),
+        driven=driven,
+    )
+
+
+def _drives(experiment: Experiment, used: list[str]) -> Drives:
+    rows: dict[str, list[tuple[int, int, int]]] = {"position": [], "force": []}
+    for actuator in experiment.actuators:
+        for axis in range(3):
+            if actuator.axes[axis]:
+                rows[actuator.type].append((actuator.node, axis, used.index(actuator.signal)))
+    columns = [
+        np.array([row[column] for row in rows[kind]], dtype=np.int64)
+        for kind in ("position", "force")
+        for column in range(3)
+    ]
+    return Drives(*columns)
+
+
+# --- what cannot be done, and what should be known -------------------------------------------
+
+
+def supports(experiment: Experiment) -> list[Finding]:
+    """Return what the engine cannot model in `experiment`; empty means all of it."""
+    return list(_refusals(experiment))
+
+
+def _refusals(experiment: Experiment) -> Iterator[Finding]:
+    geometry = experiment.geometry
+    for name, elements, soft in (
+        ("bars", geometry.bars, "a stiffness"),
+        ("hinges", geometry.hinges, "a stiffness"),
+    ):
+        if elements.rigid.any():
+            yield Finding(
+                code=f"DEM-RIGID-{name.upper()}",
+                level="error",
+                path=f"elements/{name}/rigid",
+                found=f"{int(elements.rigid.sum())} rigid {name}",
+                expected=f"{name} with {soft}; constraints are not modelled",
+                fix="give them a stiffness about 100 times that of the soft ones",
+            )
+    if experiment.collision.enabled and geometry.collidable.sum() > 1:
+        yield Finding(
+            code="DEM-COLLISION",
+            level="error",
+            path="physics.enable_collision",
+            found=f"collision between {int(geometry.collidable.sum())} collidable nodes",
+            expected="no collision; contact is not modelled",
+            fix="set enable_collision to false, or use a producer with contact",
+        )
+    if experiment.integrator not in INTEGRATORS:
+        yield Finding(
+            code="DEM-INTEGRATOR",
+            level="error",
+            path="simulation.integrator",
+            found=f"the integrator {experiment.integrator!r}",
+            expected="one of " + ", ".join(INTEGRATORS),
+            fix="choose one of these",
+        )
+    prescribed = experiment.driven_axes("position") | geometry.fixed[:, np.newaxis]
+    for number, actuator in enumerate(experiment.actuators):
+        if actuator.type == "velocity":
+            yield Finding(
+                code="DEM-VELOCITY-ACTUATOR",
+                level="error",
+                path=f"actuators[{number}].type",
+                found="a velocity actuator",
+                expected="position or force",
+                fix="integrate the signal and drive the position",
+            )
+        clash = np.flatnonzero(prescribed[actuator.node] & np.array(actuator.axes))
+        if actuator.type == "force" and len(clash):
+            fixed = geometry.fixed[actuator.node]
+            yield Finding(
+                code="DEM-DEAD-FORCE",
+                level="error",
+                path=f"actuators[{number}].axes",
+                found=f"a force on {'xyz'[clash[0]]} of node {actuator.node}, which is "
+                + ("fixed" if fixed else "position-driven"),
+                expected="forces on axes that can move",
+                fix="drop the axis or the actuator: the force would have no effect",
+            )
+    yield from _degenerate_hinges(experiment)
+
+
+def _degenerate_hinges(experiment: Experiment) -> Iterator[Finding]:
+    positions, indices = experiment.geometry.positions, experiment.geometry.hinges.indices
+    if len(indices) == 0:
+        return
+    j, k, i, l = (positions[indices[:, column]] for column in range(4))  # noqa: E741
+    crease = np.linalg.norm(k - j, axis=1)
+    heights = [np.linalg.norm(np.cross(wing - j, k - j), axis=1) for wing in (i, l)]
+    # Height over the crease times its length, against the square of the size of the hinge.
+    size = np.max([np.linalg.norm(wing - j, axis=1) for wing in (i, k, l)], axis=0)
+    bad = np.flatnonzero(np.minimum(*heights) <= 1e-9 * size**2)
+    if len(bad) or not crease.all():
+        yield Finding(
+            code="DEM-DEGENERATE-HINGE",
+            level="error",
+            path="elements/hinges/indices",
+            found=f"hinge {int(bad[0])} {indices[bad[0]].tolist()} has a wing on its crease line",
+            expected="four nodes that form two triangles",
+            fix="give the nodes in the order [j, k, i, l]: crease first, then the wings",
+        )
+
+
+def remarks(experiment: Experiment) -> Iterator[str]:
+    """Yield what the reader of the result should know; nothing of it stops the run."""
+    yield from experiment.notes
+    limit = stable_step(experiment, node_drag(experiment))
+    if experiment.dt > limit:
+        yield (
+            f"dt = {experiment.dt:g} s is above {limit:.3g} s, the stability limit of rk4"
+            " estimated from masses, stiffnesses and dampings at rest: expect divergence"
+        )
+    if experiment.collision.enabled and experiment.geometry.collidable.sum() < 2:
+        yield "enable_collision is on and fewer than two nodes are collidable: nothing can collide"
+    step = experiment.save_interval / experiment.steps_per_frame
+    for name in dict.fromkeys(actuator.signal for actuator in experiment.actuators):
+        signal = experiment.signals[name]
+        if signal.duration < experiment.duration - 1.5 * signal.dt:
+            yield (
+                f"signal {name!r} ends at {signal.duration:g} s of {experiment.duration:g} s:"
+                " its last value stays"
+            )
+        ratio = signal.dt / step
+        if signal.interpolation != "cubic" and abs(ratio - round(ratio)) > SAMPLE_SLACK:
+            yield (
+                f"samples of signal {name!r} ({signal.dt:g} s apart) do not fall on time steps"
+                f" ({step:g} s): the error there is of lower order than 4"
+            )
+    yield from _initial_jumps(experiment)
+
+
+def _initial_jumps(experiment: Experiment) -> Iterator[str]:
+    geometry = experiment.geometry
+    size = float(np.ptp(geometry.positions, axis=0).max())
+    for actuator in experiment.actuators:
+        if actuator.type != "position":
+            continue
+        target = sample_signal(experiment.signals[actuator.signal], np.zeros(1))[0]
+        gap = np.where(actuator.axes, target - geometry.positions[actuator.node], 0.0)
+        if np.abs(gap).max() > 1e-6 * size:
+            yield (
+                f"signal {actuator.signal!r} starts {np.abs(gap).max():.3g} m away from where"
+                f" node {actuator.node} is in the geometry: the run starts with the node moved"
+            )

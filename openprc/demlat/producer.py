@@ -1,0 +1,221 @@
+"""The engine as a producer: the one way from an experiment to a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from openprc.demlat import observables
+from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
+from openprc.demlat.signals import sample_signal
+from openprc.errors import UnsupportedScene
+from openprc.schema.experiment import ACTUATOR_UNITS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from openprc.demlat.models.barhinge.tables import FrameBuffer
+    from openprc.hooks.protocols import Progress
+    from openprc.schema import Experiment, Finding, TrajectoryWriter
+
+ENERGIES = {
+    "kinetic_energy": "kinetic",
+    "potential_energy": "potential",
+    "work_in": "work_in",
+    "dissipated": "dissipated",
+}
+
+
+def _silent(fraction: float, message: str) -> None:
+    del fraction, message
+
+
+class DemlatProducer:
+    """Runs experiments with the native engine; offers `openprc.hooks.protocols.Runner`.
+
+    Parameters
+    ----------
+    model : type, default BarHingeModel
+    backend : {"auto", "cpu", "cuda", "jax"}
+    """
+
+    def __init__(
+        self, *, model: type[BarHingeModel] = BarHingeModel, backend: Backend = "auto"
+    ) -> None:
+        self.model = model
+        self.backend = backend
+
+    def supports(self, experiment: Experiment) -> Sequence[Finding]:
+        """Return what the engine cannot model in `experiment`; empty means all of it."""
+        return self.model.supports(experiment)
+
+    def run(
+        self,
+        experiment: Experiment,
+        writer: TrajectoryWriter,
+        *,
+        seed: int | None = None,
+        progress: Progress = _silent,
+    ) -> None:
+        """Simulate `experiment` and append every frame, t = 0 first.
+
+        `seed` changes nothing: the engine draws no random numbers.
+
+        Raises
+        ------
+        UnsupportedScene
+            When `supports` has something to say.
+        Diverged
+            When the integration blows up; the frames before that are appended.
+        """
+        del seed
+        refuse_unsupported(self.supports(experiment), producer="demlat")
+        model = self.model(experiment, backend=self.backend)
+        for remark in model.remarks():
+            writer.note(remark)
+        recorder = _Recorder(experiment, writer)
+        recorder.declare()
+        n_frames = experiment.n_frames
+        progress(0.0, "t = 0 s")
+        for first, block in model.blocks():
+            recorder.append(first, block)
+            done = first + len(block.kinetic)
+            time = (done - 1) * experiment.save_interval
+            progress(done / n_frames, f"t = {time:g} s of {experiment.duration:g} s")
+
+
+def refuse_unsupported(findings: Sequence[Finding], *, producer: str) -> None:
+    """Raise `UnsupportedScene` with every finding of level "error"."""
+    errors = [finding for finding in findings if finding.level == "error"]
+    if not errors:
+        return
+    if len(errors) == 1:
+        only = errors[0]
+        raise UnsupportedScene(only.found, expected=only.expected, fix=only.fix, key=only.path)
+    lines = "".join(
+        f"\n  - {item.path}: {item.found}; expected {item.expected} ({item.fix})" for item in errors
+    )
+    raise UnsupportedScene(
+        f"{producer} cannot model {len(errors)} things in this scene{lines}",
+        expected="a scene without them",
+        fix="change them as said above, or use another producer",
+        key=", ".join(dict.fromkeys(item.path for item in errors)),
+    )
+
+
+class _Recorder:
+    """Says what is recorded and turns blocks of frames into what the writer takes."""
+
+    def __init__(self, experiment: Experiment, writer: TrajectoryWriter) -> None:
+        self.experiment = experiment
+        self.writer = writer
+        self.dims = 2 if experiment.planar else 3
+        self.inputs = _inputs(experiment)
+        # The strain of a bar without a rest length is not defined.
+        self.with_strain = bool((experiment.geometry.bars.rest_length > 0).all())
+
+    def declare(self) -> None:
+        """Declare nodes, elements, energies and inputs."""
+        geometry, writer = self.experiment.geometry, self.writer
+        writer.declare_nodes(
+            geometry.n_nodes,
+            self.dims,
+            unit="m",
+            velocities=True,
+            rest=geometry.positions[:, : self.dims],
+            mass=geometry.masses,
+            fixed=geometry.fixed,
+            labels=None if geometry.labels is None else list(geometry.labels),
+        )
+        bars, hinges = geometry.bars, geometry.hinges
+        if len(bars):
+            series = {"length": "m", "strain": "1", "force": "N"}
+            if not self.with_strain:
+                del series["strain"]
+                writer.note("no strain is stored: a bar has the rest length 0")
+            writer.declare_elements(
+                "bars",
+                bars.indices,
+                series=series,
+                static={
+                    "rest_length": (bars.rest_length, "m"),
+                    "stiffness": (bars.stiffness, "N/m"),
+                    "damping": (bars.damping, "N*s/m"),
+                    "prestress": (bars.prestress, "1"),
+                },
+            )
+        if len(hinges):
+            writer.declare_elements(
+                "hinges",
+                hinges.indices,
+                series={"angle": "rad", "torque": "N*m"},
+                static={
+                    "rest_angle": (hinges.rest_angle, "rad"),
+                    "stiffness": (hinges.stiffness, "N*m/rad"),
+                    "damping": (hinges.damping, "N*m*s/rad"),
+                },
+            )
+        if len(geometry.faces):
+            writer.declare_elements("faces", geometry.faces)
+        for name in (*ENERGIES, "total_energy"):
+            writer.declare_system(name, unit="J")
+        for name, settings in self.inputs.items():
+            writer.declare_input(name, **settings["declaration"])
+
+    def append(self, first: int, block: FrameBuffer) -> None:
+        """Append a block of frames of which the first has the number `first`."""
+        times = (first + np.arange(len(block.kinetic))) * self.experiment.save_interval
+        geometry = self.experiment.geometry
+        elements: dict[tuple[str, str], NDArray[np.float64]] = {}
+        if len(bars := geometry.bars):
+            lengths = observables.bar_lengths(block.x, bars)
+            elements["bars", "length"] = lengths
+            elements["bars", "force"] = observables.bar_forces(block.x, block.v, lengths, bars)
+            if self.with_strain:
+                elements["bars", "strain"] = observables.bar_strains(lengths, bars)
+        if len(hinges := geometry.hinges):
+            angles = observables.hinge_angles(block.x, hinges)
+            rates = observables.hinge_rates(block.x, block.v, hinges)
+            elements["hinges", "angle"] = angles
+            elements["hinges", "torque"] = observables.hinge_torques(angles, rates, hinges)
+        system = {name: getattr(block, field) for name, field in ENERGIES.items()}
+        system["total_energy"] = block.kinetic + block.potential
+        self.writer.append(
+            times,
+            positions=block.x[..., : self.dims],
+            velocities=block.v[..., : self.dims],
+            elements=elements,
+            system=system,
+            inputs={
+                name: sample_signal(settings["signal"], times)
+                for name, settings in self.inputs.items()
+            },
+        )
+
+
+def _inputs(experiment: Experiment) -> Mapping[str, dict[str, Any]]:
+    """Return one input for each signal and each quantity that it drives."""
+    uses: dict[tuple[str, str], list[str]] = {}
+    for actuator in experiment.actuators:
+        axes = "".join(name for name, on in zip("xyz", actuator.axes, strict=True) if on)
+        targets = uses.setdefault((actuator.signal, actuator.type), [])
+        targets.append(f"node {actuator.node} {axes}")
+    names = [name for name, _ in uses]
+    inputs = {}
+    for (name, quantity), targets in uses.items():
+        signal = experiment.signals[name]
+        width = signal.values.shape[1]
+        declaration: dict[str, Any] = {
+            "columns": ["value"] if width == 1 else list("xyz"),
+            "quantity": quantity,
+            "unit": ACTUATOR_UNITS[quantity],
+            "targets": targets,
+        }
+        if signal.interpolation == "hold":
+            declaration |= {"sequence": signal.values, "hold": signal.dt, "start": 0.0}
+        # One signal may move one node and push another.
+        key = name if names.count(name) == 1 else f"{name} {quantity}"
+        inputs[key] = {"signal": signal, "declaration": declaration}
+    return inputs

@@ -1,0 +1,78 @@
+"""MERLIN, MERLIN2 and Sim-FAST runs as OpenPRC trajectories."""
+
+from __future__ import annotations
+
+from openprc.hooks import ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
+
+OPENPRC_PLUGIN_API = "1.0"
+
+_OPTIONS = (
+    OptionSpec(
+        "reference",
+        "file with the rest coordinates (N x 3: mat, h5, obj, npz, csv) for a run saved without",
+        kind="path",
+    ),
+    OptionSpec("unit", "length unit of the run; MERLIN stores none", choices=("m", "cm", "mm")),
+    OptionSpec(
+        "force-unit", "force unit of the run; MERLIN stores none", choices=("N", "mN", "kN")
+    ),
+    OptionSpec("dt", "seconds per increment, which makes the time physical", kind="float"),
+    OptionSpec(
+        "time",
+        "'increment', or the name of a variable that holds the instants in seconds",
+        default="increment",
+    ),
+    OptionSpec("displacement", "name of the displacement history, where it cannot be told"),
+    OptionSpec("load", "name of the load history, or 'none' to leave it out"),
+    OptionSpec(
+        "stored",
+        "keep MERLIN's own strains, angles and energies in the extension",
+        kind="bool",
+        default=False,
+    ),
+    OptionSpec(
+        "verify",
+        "recompute the balance of forces of every increment and note the residual",
+        kind="bool",
+        default=False,
+    ),
+    OptionSpec("c0", "modulus C0 of the bars, where the file does not tell it", kind="float"),
+)
+
+
+@hookimpl
+def openprc_producers() -> list[ProducerSpec]:
+    """Return the one producer of this distribution."""
+    return [
+        ProducerSpec(
+            name="merlin",
+            summary="MERLIN, MERLIN2 and Sim-FAST workspaces (.mat, .h5) and OBJ sequences",
+            load="openprc_merlin.importer:Importer",
+            capabilities=("import",),
+            suffixes=(".mat", ".h5", ".hdf5", ".obj"),
+            magic=(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n\x1a\n"),
+            needs={"import": ("scipy",)},
+            install="pip install scipy",
+            dims=(3,),
+            time=("pseudo", "physical"),
+            elements=("nodes", "bars", "hinges", "faces"),
+            options=_OPTIONS,
+            citation=(
+                "K. Liu, G. H. Paulino (2017), Proc. R. Soc. A 473:20170348, "
+                "doi:10.1098/rspa.2017.0348; K. Liu, G. H. Paulino (2018), Origami 7"
+            ),
+            sample="openprc_merlin.samples:write_sample",
+        )
+    ]
+
+
+@hookimpl
+def openprc_extensions() -> list[ExtensionSpec]:
+    """Return the subtree that holds what the file contract has no place for."""
+    return [
+        ExtensionSpec(
+            name="openprc-merlin",
+            summary="Increment numbers, solver generation, supports and stored results of MERLIN",
+            load="openprc_merlin.extension:check",
+        )
+    ]

@@ -1,0 +1,185 @@
+"""Bar lengths, dihedral angles and their gradients, for blocks of frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def bar_lengths(positions: Floats, bars: Ints) -> Floats:
+    """Return the distance between the ends of every bar.
+
+    Parameters
+    ----------
+    positions : (B, N, 3)
+    bars : (M, 2)
+
+    Returns
+    -------
+    (B, M), in the unit of `positions`
+    """
+    return np.linalg.norm(positions[:, bars[:, 1]] - positions[:, bars[:, 0]], axis=2)
+
+
+def dihedral_angles(positions: Floats, hinges: Ints) -> Floats:
+    """Return the angle of every hinge in [0, 2 pi), pi when flat.
+
+    With the row [j k i l], crease j-k and wings i and l, m = r_ij x r_kj and
+    n = r_kj x r_kl, the angle is atan2(|r_kj| n.r_ij, m.n) modulo 2 pi: the angle of
+    Liu & Paulino (2017), doi:10.1098/rspa.2017.0348, without the inverse cosine that loses
+    eight digits near flat. NaN where a wing lies on the line of the crease.
+
+    Parameters
+    ----------
+    positions : (B, N, 3)
+    hinges : (H, 4)
+
+    Returns
+    -------
+    (B, H) [rad]
+    """
+    r_ij, r_kj, _, m, n = _frame(positions, hinges)
+    crease = np.linalg.norm(r_kj, axis=2)
+    sine = crease * np.einsum("bhx,bhx->bh", n, r_ij)
+    cosine = np.einsum("bhx,bhx->bh", m, n)
+    angle = np.mod(np.arctan2(sine, cosine), 2 * np.pi)
+    # mod() of a tiny negative number rounds up to 2 pi itself.
+    angle[angle >= 2 * np.pi] = 0.0
+    floor = np.finfo(np.float64).eps * crease**2
+    degenerate = (np.linalg.norm(m, axis=2) <= floor) | (np.linalg.norm(n, axis=2) <= floor)
+    angle[degenerate] = np.nan
+    return angle
+
+
+def dihedral_gradients(positions: Floats, hinges: Ints) -> Floats:
+    """Return d(angle)/d(position) of the four nodes, in the order j k i l.
+
+    Blondel & Karplus (1996), doi:10.1002/(SICI)1096-987X(19960715)17:9<1132::AID-JCC5>3.0.CO;2-T,
+    in the notation of `dihedral_angles`.
+
+    Parameters
+    ----------
+    positions : (B, N, 3)
+    hinges : (H, 4)
+
+    Returns
+    -------
+    (B, H, 4, 3) [rad per unit of length]
+    """
+    r_ij, r_kj, r_kl, m, n = _frame(positions, hinges)
+    square = np.einsum("bhx,bhx->bh", r_kj, r_kj)[..., None]
+    length = np.sqrt(square)
+    g_i = length / np.einsum("bhx,bhx->bh", m, m)[..., None] * m
+    g_l = -length / np.einsum("bhx,bhx->bh", n, n)[..., None] * n
+    a = np.einsum("bhx,bhx->bh", r_ij, r_kj)[..., None] / square
+    b = np.einsum("bhx,bhx->bh", r_kl, r_kj)[..., None] / square
+    g_j = (a - 1) * g_i - b * g_l
+    g_k = (b - 1) * g_l - a * g_i
+    return np.stack([g_j, g_k, g_i, g_l], axis=2)
+
+
+def _frame(positions: Floats, hinges: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    x_j, x_k, x_i, x_l = (positions[:, hinges[:, column]] for column in range(4))
+    r_ij, r_kj, r_kl = x_i - x_j, x_k - x_j, x_k - x_l
+    return r_ij, r_kj, r_kl, np.cross(r_ij, r_kj), np.cross(r_kj, r_kl)
+
+
+class Unwrapper:
+    """Carries angles over the cut at 0 and 2 pi, from block to block of frames.
+
+    Counts the crossings: a hinge that passes through 0 or 2 pi is a panel that passed
+    through its neighbour, which the model does not forbid.
+    """
+
+    def __init__(self) -> None:
+        """Start without a previous frame."""
+        self._last: Floats | None = None
+        self._turns: Floats | None = None
+        self.crossings = 0
+
+    def __call__(self, angles: Floats) -> Floats:
+        """Return (B, H) angles [rad] without jumps of more than pi between frames."""
+        last = angles[:1] if self._last is None else self._last
+        start = np.zeros_like(angles[:1]) if self._turns is None else self._turns
+        jumps = np.round(np.diff(angles, axis=0, prepend=last) / (2 * np.pi))
+        jumps[~np.isfinite(jumps)] = 0.0
+        turns = start + np.cumsum(jumps, axis=0)
+        self.crossings += int(np.count_nonzero(jumps))
+        self._last, self._turns = angles[-1:].copy(), turns[-1:].copy()
+        return angles - 2 * np.pi * turns
+
+
+def orient(faces: Ints) -> Ints:
+    """Turn triangles so that neighbours run along their common edge in opposite directions.
+
+    Every connected part keeps the sense of its first triangle. Where a surface has two sides
+    only in places (a Moebius strip) or more than two triangles meet, the first way wins.
+
+    Parameters
+    ----------
+    faces : (F, 3)
+
+    Returns
+    -------
+    (F, 3)
+    """
+    rows = faces.tolist()
+    at_edge: dict[tuple[int, int], list[int]] = {}
+    for number, row in enumerate(rows):
+        for a, b in _sides(row):
+            at_edge.setdefault((min(a, b), max(a, b)), []).append(number)
+    done = [False] * len(rows)
+    for seed in range(len(rows)):
+        if done[seed]:
+            continue
+        done[seed] = True
+        pending = [seed]
+        while pending:
+            row = rows[pending.pop()]
+            for a, b in _sides(row):
+                for other in at_edge[min(a, b), max(a, b)]:
+                    if done[other]:
+                        continue
+                    if (a, b) in _sides(rows[other]):
+                        rows[other] = rows[other][::-1]
+                    done[other] = True
+                    pending.append(other)
+    return np.array(rows, dtype=np.int64).reshape(-1, 3)
+
+
+def _sides(row: list[int]) -> tuple[tuple[int, int], ...]:
+    return ((row[0], row[1]), (row[1], row[2]), (row[2], row[0]))
+
+
+def triangles_to_hinges(faces: Ints) -> Ints:
+    """Return a hinge for every edge that two triangles share.
+
+    Rows are [j k i l] with j < k; i belongs to the triangle that runs from j to k, so that
+    in a consistently wound surface the angles of all hinges have one sense.
+
+    Parameters
+    ----------
+    faces : (F, 3)
+
+    Returns
+    -------
+    (H, 4)
+    """
+    wings: dict[tuple[int, int], list[tuple[bool, int]]] = {}
+    for face in faces.tolist():
+        for (a, b), c in zip(_sides(face), (face[2], face[0], face[1]), strict=True):
+            wings.setdefault((min(a, b), max(a, b)), []).append((a < b, c))
+    rows = []
+    for (j, k), sides in sorted(wings.items()):
+        if len(sides) == 2:
+            first, second = sorted(sides, key=lambda side: not side[0])
+            rows.append((j, k, first[1], second[1]))
+    return np.array(rows, dtype=np.int64).reshape(-1, 4)
+
+
+def fan(polygon: list[int]) -> list[tuple[int, int, int]]:
+    """Split a polygon into triangles from its first corner."""
+    return [(polygon[0], polygon[n], polygon[n + 1]) for n in range(1, len(polygon) - 1)]

@@ -1,0 +1,214 @@
+"""The compiled kernels against plain NumPy, and gradients against differences."""
+
+import numpy as np
+import pytest
+
+from openprc.demlat import observables
+from openprc.demlat.models.barhinge import kernels, laws
+from openprc.demlat.plan import make_plan
+from openprc.demlat.signals import sample_signal, signal_table
+from openprc.schema.experiment import Hinges, Signal
+
+
+def random_scene(body, seed=0):
+    rng = np.random.default_rng(seed)
+    n = 12
+    x = rng.normal(size=(n, 3))
+    pairs = rng.permuted(np.array([(i, j) for i in range(n) for j in range(i)]), axis=0)[:25]
+    bars = np.column_stack([pairs, rng.uniform(1, 9, 25), rng.uniform(0.2, 2, 25), rng.random(25)])
+    quads = np.array([rng.choice(n, 4, replace=False) for _ in range(9)])
+    folds = np.column_stack([quads, rng.uniform(1, 2, 9), rng.uniform(0, 6, 9), rng.random(9)])
+    return body(
+        x,
+        rng.uniform(1, 2, n),
+        velocities=rng.normal(size=(n, 3)),
+        bars=bars,
+        hinges=folds,
+        damping=0.7,
+        gravity=(0.3, -1.0, 2.0),
+    )
+
+
+def numpy_energy(scene, x):
+    bars, hinges = scene.geometry.bars, scene.geometry.hinges
+    energy = -np.sum(scene.geometry.masses[:, None] * np.array(scene.gravity) * x)
+    i, j = bars.indices.T
+    length = np.linalg.norm(x[j] - x[i], axis=1)
+    energy += np.sum(0.5 * bars.stiffness * (length - bars.relaxed_length) ** 2)
+    angles = arccos_angle(x, hinges.indices)
+    delta = (angles - hinges.rest_angle + np.pi) % (2 * np.pi) - np.pi
+    return energy + np.sum(0.5 * hinges.stiffness * delta**2)
+
+
+def arccos_angle(x, indices):
+    """The dihedral angle as the literature has it: sign times arc cosine, modulo 2 pi."""
+    j, k, i, l = (x[indices[:, c]] for c in range(4))  # noqa: E741
+    m, n = np.cross(i - j, k - j), np.cross(k - j, k - l)
+    cosine = np.sum(m * n, 1) / np.linalg.norm(m, axis=1) / np.linalg.norm(n, axis=1)
+    sign = np.where(np.sum(m * (k - l), 1) < 0, -1, 1)
+    return (sign * np.arccos(np.clip(cosine, -1, 1))) % (2 * np.pi)
+
+
+def central_differences(function, x, step=1e-6):
+    gradient = np.zeros_like(x)
+    for index in np.ndindex(*x.shape):
+        for sign in (1, -1):
+            moved = x.copy()
+            moved[index] += sign * step
+            gradient[index] += sign * function(moved) / (2 * step)
+    return gradient
+
+
+def compiled_forces(scene, x, v):
+    plan = make_plan(scene)
+    force = np.empty_like(x)
+    loss = kernels.body_forces(x, v, force, plan.nodes, plan.bars, plan.hinges)
+    return force, loss
+
+
+def test_forces_are_minus_the_gradient_of_the_energy(body):
+    scene = random_scene(body)
+    x = scene.geometry.positions.copy()
+    force, loss = compiled_forces(scene, x, np.zeros_like(x))
+    expected = -central_differences(lambda at: numpy_energy(scene, at), x)
+    np.testing.assert_allclose(force, expected, atol=2e-8 * np.abs(force).max())
+    assert loss == 0
+
+
+def test_the_compiled_energy_is_that_of_numpy(body):
+    scene = random_scene(body)
+    plan = make_plan(scene)
+    x, v = scene.geometry.positions.copy(), scene.geometry.velocities.copy()
+    energy = kernels.potential_energy(x, plan.nodes, plan.bars, plan.hinges)
+    assert energy == pytest.approx(numpy_energy(scene, x), rel=1e-13)
+    kinetic = 0.5 * np.sum(scene.geometry.masses[:, None] * v**2)
+    assert kernels.kinetic_energy(v, plan.nodes, False) == pytest.approx(kinetic, rel=1e-14)
+
+
+def test_damping_forces_against_numpy(body):
+    scene = random_scene(body)
+    geometry = scene.geometry
+    x, v = geometry.positions.copy(), geometry.velocities.copy()
+    moving, loss = compiled_forces(scene, x, v)
+    resting, _ = compiled_forces(scene, x, np.zeros_like(v))
+    drag = 0.7 * geometry.masses / geometry.masses.mean()
+    expected = -drag[:, None] * v
+    i, j = geometry.bars.indices.T
+    unit = (x[j] - x[i]) / np.linalg.norm(x[j] - x[i], axis=1, keepdims=True)
+    pull = (geometry.bars.damping * np.sum(unit * (v[j] - v[i]), axis=1))[:, None] * unit
+    np.add.at(expected, i, pull)
+    np.add.at(expected, j, -pull)
+    gradients = observables.hinge_gradients(x[None], geometry.hinges.indices)[0]
+    rates = np.einsum("kna,kna->k", gradients, v[geometry.hinges.indices])
+    moment = (geometry.hinges.damping * rates)[:, None, None] * gradients
+    np.add.at(expected, geometry.hinges.indices, -moment)
+    np.testing.assert_allclose(moving - resting, expected, atol=1e-12 * np.abs(moving).max())
+    # Everything that the damping forces take is booked.
+    assert loss == pytest.approx(-np.sum(expected * v), rel=1e-12)
+
+
+def fold(angle, scale=1.0, skew=0.3):
+    """One hinge with the given dihedral angle: crease along x, wing i raised from flat."""
+    x = np.array([[0, 0, 0], [1, 0, 0], [skew, 0.7, 0], [0.6, 0, 0]], dtype=float)
+    # Wing l lies opposite to i and is turned about the crease until the angle fits.
+    x[3, 1:] = -0.9 * np.cos(np.pi - angle), 0.9 * np.sin(np.pi - angle)
+    return scale * x
+
+
+@pytest.mark.parametrize("angle", [0.05, 0.5, 1.5, 3.0, np.pi, 3.3, 5.0, 2 * np.pi - 0.05])
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e3])
+def test_hinge_gradient_against_differences(angle, scale):
+    x = fold(angle, scale)
+    indices = np.array([[0, 1, 2, 3]])
+    hinge = Hinges(indices=indices, stiffness=[1.0], rest_angle=[0.0])
+    measured = observables.hinge_angles(x[None], hinge)[0, 0]
+    assert min(abs(measured - angle), abs(2 * np.pi - measured - angle)) < 1e-12
+    gradient = observables.hinge_gradients(x[None], indices)[0, 0]
+    expected = central_differences(
+        lambda at: laws.wrap_angle(observables.hinge_angles(at[None], hinge)[0, 0] - measured),
+        x,
+        step=1e-6 * scale,
+    )
+    np.testing.assert_allclose(gradient * scale, expected * scale, atol=1e-8)
+    np.testing.assert_allclose(gradient.sum(axis=0) * scale, 0, atol=1e-13)
+    np.testing.assert_allclose(np.cross(x, gradient).sum(axis=0), 0, atol=1e-12)
+    # At the wings it is one over the height.
+    assert np.linalg.norm(gradient[2]) == pytest.approx(1 / (0.7 * scale))
+    assert np.linalg.norm(gradient[3]) == pytest.approx(1 / (0.9 * scale))
+
+
+def test_angle_conventions():
+    # Flat is pi; wing i raised gives less than pi; swapping one pair mirrors the angle.
+    x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [0, -1, 0]], dtype=float)
+
+    def angle(*order):
+        hinge = Hinges(indices=[order], stiffness=[1.0], rest_angle=[0.0])
+        return observables.hinge_angles(x[None], hinge)[0, 0]
+
+    raised = angle(0, 1, 2, 3)
+    assert raised == pytest.approx(np.pi - np.arctan(0.2))
+    assert angle(1, 0, 3, 2) == pytest.approx(raised, abs=1e-14)
+    assert angle(1, 0, 2, 3) == pytest.approx(2 * np.pi - raised, abs=1e-14)
+    x[2, 2] = 0
+    assert angle(0, 1, 2, 3) == pytest.approx(np.pi, abs=1e-15)
+
+
+def test_tiny_bends_are_resolved():
+    # An arc cosine would lose everything below 1e-8 rad.
+    bend = 1e-12
+    x = np.array([[0, 0, 0], [1, 0, 0], [0, np.cos(bend), np.sin(bend)], [0, -1, 0]])
+    measured = kernels.hinge_frame(x, 0, 1, 2, 3)[0]
+    assert measured == pytest.approx(-bend, rel=1e-9)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 1])
+def test_rest_angles_may_be_given_in_any_turn(turns):
+    assert laws.wrap_angle(0.4 + 2 * np.pi * turns) == pytest.approx(0.4, abs=1e-14)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "hold", "cubic"])
+def test_compiled_signals_are_those_of_numpy(interpolation):
+    rng = np.random.default_rng(4)
+    signals = [
+        Signal(name="a", values=rng.normal(size=5), dt=1.0),
+        Signal(name="b", values=rng.normal(size=(9, 3)), dt=0.3, interpolation=interpolation),
+    ]
+    table = signal_table(signals)
+    times = np.linspace(0, 4, 57)
+    expected = sample_signal(signals[1], times)
+    h = 1e-6
+    for t, row in zip(times, expected, strict=True):
+        for axis in range(3):
+            value, rate = kernels.signal_at(table, 1, axis, t, t, t + h)
+            assert value == pytest.approx(row[axis], abs=1e-12)
+            ahead = kernels.signal_at(table, 1, axis, t + h, t, t + h)[0]
+            assert rate == pytest.approx((ahead - value) / h, abs=1e-3)
+
+
+def test_a_jump_at_the_end_of_a_step_is_not_seen_from_within_it():
+    table = signal_table([Signal(name="a", values=[1.0, 2.0], dt=0.3, interpolation="hold")])
+    assert kernels.signal_at(table, 0, 0, 3 * 0.1, 2 * 0.1, 3 * 0.1)[0] == 1.0
+    assert kernels.signal_at(table, 0, 0, 3 * 0.1, 3 * 0.1, 4 * 0.1)[0] == 2.0
+
+
+def test_observables_against_plain_loops(body):
+    scene = random_scene(body)
+    geometry = scene.geometry
+    x, v = geometry.positions[None], geometry.velocities[None]
+    lengths = observables.bar_lengths(x, geometry.bars)
+    forces = observables.bar_forces(x, v, lengths, geometry.bars)
+    strains = observables.bar_strains(lengths, geometry.bars)
+    for e, (i, j) in enumerate(geometry.bars.indices):
+        along = x[0, j] - x[0, i]
+        length = np.linalg.norm(along)
+        rate = along @ (v[0, j] - v[0, i]) / length
+        rest = geometry.bars.rest_length[e]
+        tension = geometry.bars.stiffness[e] * (length - rest) + geometry.bars.damping[e] * rate
+        assert lengths[0, e] == pytest.approx(length)
+        assert strains[0, e] == pytest.approx(length / rest - 1)
+        assert forces[0, e] == pytest.approx(tension)
+    angles = observables.hinge_angles(x, geometry.hinges)
+    np.testing.assert_allclose(angles[0], arccos_angle(x[0], geometry.hinges.indices), atol=1e-7)
+    torques = observables.hinge_torques(angles, 0 * angles, geometry.hinges)
+    delta = np.angle(np.exp(1j * (angles - geometry.hinges.rest_angle)))
+    np.testing.assert_allclose(torques, geometry.hinges.stiffness * delta, atol=1e-12)
