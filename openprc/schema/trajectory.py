@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,18 +13,18 @@ from numpy.typing import NDArray
 from openprc.errors import (
     IncompleteFile,
     MissingInputError,
-    NonUniformTime,
     SchemaError,
     UnreadableFile,
 )
+from openprc.schema.clock import Clock
 from openprc.schema.digest import content_digest
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
-from openprc.schema.stored import ALL, Frames, InputSignal, StoredData
+from openprc.schema.stored import ALL, Frames, InputSignal
 from openprc.schema.version import check_version
 
 
-class Trajectory(StoredData):
+class Trajectory(Clock):
     """Open a trajectory for reading. Arrays are read when asked for; nothing is made up.
 
     Parameters
@@ -139,54 +138,6 @@ class Trajectory(StoredData):
             f"<Trajectory {self.path.name}: {self.n_frames} frames, {self.n_nodes} nodes, "
             f"{self.dims} dimensions>"
         )
-
-    # --- clock ---------------------------------------------------------------------------
-
-    @cached_property
-    def time(self) -> NDArray[np.float64]:
-        """Time of every frame, (T,), in `time_unit`."""
-        return self._series("/time_series/time", ALL)
-
-    @property
-    def time_unit(self) -> str:
-        """Unit of time."""
-        return str(self._attr("/time_series/time", "unit"))
-
-    @property
-    def time_kind(self) -> str:
-        """``physical``, or ``pseudo`` for quasi-static load steps."""
-        return str(self._attr("/time_series/time", "kind"))
-
-    @property
-    def uniform(self) -> bool:
-        """Whether frames are evenly spaced, as the writer checked."""
-        return bool(self._file["time_series/time"].attrs.get("uniform", 0))
-
-    @property
-    def t0(self) -> float:
-        """Time of frame 0."""
-        return float(self.time[0])
-
-    @property
-    def dt(self) -> float:
-        """Time between frames, in `time_unit`.
-
-        Raises
-        ------
-        NonUniformTime
-            When frames are not evenly spaced: there is no single step to return.
-        """
-        if not self.uniform:
-            steps = np.diff(self.time)
-            spread = f" (steps from {steps.min():g} to {steps.max():g})" if len(steps) else ""
-            raise NonUniformTime(
-                f"the frames are not evenly spaced{spread}",
-                expected="a uniform clock",
-                fix="resample the file explicitly, or work with `time`",
-                file=self.path,
-                key="/time_series/time",
-            )
-        return float(self._attr("/time_series/time", "dt"))
 
     # --- nodes ---------------------------------------------------------------------------
 
