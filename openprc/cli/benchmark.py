@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from openprc.cli.console import console, json_option, print_json, spinner, table
-from openprc.cli.options import FINITE
+from openprc.cli.options import FINITE, NOT_NEGATIVE
 
 
 @click.command("benchmark")
@@ -34,7 +34,7 @@ from openprc.cli.options import FINITE
 @click.option("--washout", type=FINITE, help="Seconds left out at the start. Default: a tenth.")
 @click.option("--train", type=FINITE, help="Seconds of training. Default: two thirds of the rest.")
 @click.option("--test", type=FINITE, help="Seconds of testing. Default: what is left.")
-@click.option("--ridge", type=FINITE, default=1e-6, show_default=True, help="Regularisation.")
+@click.option("--ridge", type=NOT_NEGATIVE, default=1e-6, show_default=True, help="Regularisation.")
 @click.option(
     "--missing",
     type=click.Choice(["error", "drop", "interpolate"]),

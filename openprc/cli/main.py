@@ -87,13 +87,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _guarded(words: list[str], *, as_json: bool) -> int:
     try:
-        code = cli(words, prog_name="openprc", standalone_mode=False)
-        return code if isinstance(code, int) else 0
+        if "_OPENPRC_COMPLETE" in os.environ:  # the shell asks what could be typed next
+            cli(words, prog_name="openprc")
+        # Not cli(): that would turn Ctrl-C, a closed pipe and EOFError into other things.
+        with cli.make_context("openprc", list(words)) as ctx:
+            cli.invoke(ctx)
+        return 0
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
-    except click.Abort:
-        click.echo("stopped", err=True)
-        return 130
     except click.ClickException as error:
         _tell({"error": "UsageError", "found": error.format_message()}, as_json, show=error.show)
         return 2
@@ -108,7 +109,14 @@ def _guarded(words: list[str], *, as_json: bool) -> int:
         # The reader of a pipe has gone; there is nobody left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except SystemExit as stop:
+        # rich meets a closed pipe first, and answers it with exit code 1.
+        if isinstance(stop.__context__, BrokenPipeError):
+            return 0
+        raise
     except OSError as error:
+        if _debugging():
+            raise
         # A full disk, a folder without permission: not a fault of the program, nor of the data.
         named = f"{error.filename}: " if error.filename else ""
         text = f"{named}{error.strerror or error}"

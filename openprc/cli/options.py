@@ -13,6 +13,9 @@ class FiniteFloat(click.ParamType):
 
     name = "float"
 
+    def __init__(self, *, least: float = -math.inf) -> None:
+        self.least = least
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
@@ -20,10 +23,13 @@ class FiniteFloat(click.ParamType):
         number: float = click.FLOAT.convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
+        if number < self.least:
+            self.fail(f"{value!r} is less than {self.least:g}.", param, ctx)
         return number
 
 
 FINITE = FiniteFloat()
+NOT_NEGATIVE = FiniteFloat(least=0.0)
 
 
 def parse_pairs(pairs: tuple[str, ...]) -> dict[str, Any]:

@@ -13,7 +13,14 @@ from openprc.schema.validate import PROFILES, Profile, validate_file
 
 @click.command("validate")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--profile", type=click.Choice(PROFILES), default="default", show_default=True)
+@click.option(
+    "--profile",
+    type=click.Choice(PROFILES),
+    default="default",
+    show_default=True,
+    help="What else is demanded: benchmark, a uniform clock and an input; archive, hashes and "
+    "no arbitrary units.",
+)
 @click.option(
     "--level",
     type=click.Choice(LEVELS),

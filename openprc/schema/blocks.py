@@ -111,7 +111,12 @@ class BlockChecker:
             array = np.asarray(value)
             if array.dtype.kind not in "fiub":
                 raise TypeError(f"type {array.dtype}")
-            return array.astype(dtype, copy=False)
+            # Too large for f4 becomes infinite, and is refused as that.
+            with np.errstate(over="ignore", invalid="ignore"):
+                stored: NDArray[Any] = array.astype(dtype, copy=False)
+            if dtype.kind == "u" and not np.array_equal(stored, array):
+                raise ValueError("codes that are no small whole numbers")
+            return stored
         except (TypeError, ValueError) as error:
             raise self._wrong(key, f"not a real number array: {error}", "real numbers") from error
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import h5py
 import numpy as np
 
+from openprc.schema.digest import checksum
+from openprc.schema.layout import CHECKSUM
 from openprc.schema.timebase import UNIFORM_TOLERANCE, describe_time, max_deviation
 from openprc.schema.units import UNITS
 from openprc.schema.validate import Complaint, check
@@ -190,7 +192,10 @@ def exploded(view: View) -> Iterator[Complaint]:
     if item is None or item.ndim != 3 or view.n_frames < 2 or item.shape[1] < 2:
         return
     first = np.asarray(item[0], dtype="f8")
-    size = float(np.nanmax(np.ptp(first, axis=0))) if np.isfinite(first).any() else 0.0
+    if not np.isfinite(first).any():
+        return
+    # Points that are missing in the first frame say nothing about the size of the body.
+    size = float(np.max(np.nanmax(first, axis=0) - np.nanmin(first, axis=0)))
     found = view.statistics(POSITIONS)
     reach = float(np.max(found.high.max(axis=0) - found.low.min(axis=0)))
     if size > 0 and reach > _ABSURD_GROWTH * size:
@@ -200,6 +205,25 @@ def exploded(view: View) -> Iterator[Complaint]:
             "motion of the size of the body",
             "check the time step of the simulation",
         )
+
+
+@check("OPS-N09", "error", "recorded values match the checksum that was stored with them")
+def checksums(view: View) -> Iterator[Complaint]:
+    """Values that changed after the file was written."""
+    for path in view.datasets:
+        stored = view.attribute(path, CHECKSUM)
+        if not isinstance(stored, int) or not view.is_series(path):
+            continue
+        found = 0
+        for _, rows in view.pieces(path):
+            found = checksum(rows, found)
+        if found != stored:
+            yield (
+                path,
+                f"the checksum of the values is {found}, {stored} was stored",
+                "values as they were written",
+                "copy the file again from where it was made",
+            )
 
 
 @check("OPS-E01", "error", "elements name existing nodes")
@@ -291,7 +315,7 @@ def constant_input(view: View) -> Iterator[Complaint]:
 @check("OPS-I04", "hint", "the file says what drove the body")
 def no_input(view: View) -> Iterator[Complaint]:
     """Files without inputs: tasks that need one will ask for it."""
-    if view.attribute(TIME, "kind") == "physical" and not view.file.get("/inputs"):
+    if view.attribute(TIME, "kind") == "physical" and not view.children("/inputs"):
         yield "/inputs", "no input", "what drove the body", "add it with `openprc attach-input`"
 
 

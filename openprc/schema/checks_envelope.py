@@ -161,8 +161,7 @@ def sources(view: View) -> Iterator[Complaint]:
 @check("OPS-X01", "error", "every extension states its version")
 def extensions(view: View) -> Iterator[Complaint]:
     """Extensions."""
-    group = view.objects.get("/extensions")
-    for name in group or ():
+    for name in view.children("/extensions"):
         path = f"/extensions/{name}"
         if path in view.datasets:
             yield path, "a dataset", "a group named after a distribution", "put it below one"

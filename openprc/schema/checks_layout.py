@@ -8,7 +8,14 @@ from collections.abc import Iterator
 import h5py
 import numpy as np
 
-from openprc.schema.layout import DATASETS, ELEMENT_ARITY, DatasetRule, attributes_of, match
+from openprc.schema.layout import (
+    DATASETS,
+    ELEMENT_ARITY,
+    PHYSICAL_DIMENSIONS,
+    DatasetRule,
+    attributes_of,
+    match,
+)
 from openprc.schema.units import UNITS
 from openprc.schema.validate import Complaint, check
 from openprc.schema.view import POSITIONS, TIME, View
@@ -119,7 +126,7 @@ def attributes(view: View) -> Iterator[Complaint]:
 
 def _has_type(value: object, wanted: str) -> bool:
     if wanted == "strings":
-        return isinstance(value, np.ndarray | list | tuple)
+        return isinstance(value, tuple) and all(isinstance(item, str) for item in value)
     kinds: dict[str, tuple[type, ...]] = {"str": (str,), "int": (int,), "float": (int, float)}
     return isinstance(value, kinds[wanted]) and not isinstance(value, bool)
 
@@ -172,15 +179,7 @@ def factors(view: View) -> Iterator[Complaint]:
 @check("OPS-L09", "error", "units measure what the dataset holds")
 def dimensions(view: View) -> Iterator[Complaint]:
     """Physical dimensions: lengths in units of length, masses in units of mass."""
-    wanted = {
-        POSITIONS: ("length", "pixel length", "arbitrary", "number"),
-        "/time_series/nodes/velocities": (
-            "velocity", "pixel velocity", "arbitrary rate", "arbitrary",
-        ),
-        "/topology/nodes/rest": ("length", "pixel length", "arbitrary", "number"),
-        "/topology/nodes/mass": ("mass", "arbitrary", "number"),
-    }  # fmt: skip
-    for path, allowed in wanted.items():
+    for path, allowed in PHYSICAL_DIMENSIONS.items():
         unit = view.attribute(path, "unit") if path in view.datasets else None
         if unit in UNITS and UNITS[unit].dimension not in allowed:
             yield path, f"{unit!r}, a unit of {UNITS[unit].dimension}", allowed[0], "correct it"
@@ -199,17 +198,17 @@ def recorded(view: View) -> Iterator[Complaint]:
 def conditional(view: View) -> Iterator[Complaint]:
     """Indices of every kind of element, values of every input, t0 and dt of uniform time."""
     series, topology = "/time_series/elements", "/topology"
-    kinds = {n for n in view.file.get(series, ()) if f"{series}/{n}" not in view.datasets}
+    kinds = {n for n in view.children(series) if f"{series}/{n}" not in view.datasets}
     kinds |= {
         n
-        for n in view.file.get(topology, ())
+        for n in view.children(topology)
         if n != "nodes" and f"{topology}/{n}" not in view.datasets
     }
     for kind in sorted(kinds):
         path = f"{topology}/{kind}/indices"
         if path not in view.datasets:
             yield path, f"no indices for {kind}", "the nodes of every element", _REWRITE
-    for name in view.file.get("/inputs", ()):
+    for name in view.children("/inputs"):
         path = f"/inputs/{name}/value"
         if path not in view.datasets:
             yield path, f"input {name} has no value", "(T, C) on the clock of the file", _REWRITE

@@ -25,7 +25,7 @@ def physical(view: View) -> Iterator[Complaint]:
 @check("OPS-B03", "error", "there is an input", profile="benchmark")
 def has_input(view: View) -> Iterator[Complaint]:
     """Benchmarks need the drive."""
-    if not view.file.get("/inputs"):
+    if not view.children("/inputs"):
         yield "/inputs", "no input", "what drove the body", "add it with `openprc attach-input`"
 
 

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from openprc.errors import SchemaError
 from openprc.schema import units
+from openprc.schema.declared_values import DeclaredValues, is_text
 from openprc.schema.layout import ELEMENT_ARITY
+from openprc.schema.plain_text import storable
 from openprc.schema.streams import Stream
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\- ]*\Z")
 
-
-class Declarations:
+class Declarations(DeclaredValues):
     """The declaring half of `TrajectoryWriter`; plain bookkeeping, no file is touched."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        super().__init__(path)
         self.streams: dict[str, Stream] = {}
         self.static: dict[str, tuple[Any, dict[str, Any]]] = {}
         self.group_attrs: dict[str, dict[str, Any]] = {}
@@ -91,15 +88,20 @@ class Declarations:
         key = "/time_series/nodes/positions"
         if dims not in (2, 3):
             raise self._error(key, f"{dims} dimensions", "2 or 3")
-        if n_nodes < 1:
+        if n_nodes < 1 or n_nodes != int(n_nodes):
             raise self._error(key, f"{n_nodes} nodes", "at least one node")
-        names = tuple((axes or "x,y,z"[: 2 * dims - 1]).split(","))
-        if len(names) != dims:
-            raise self._error(key, f"axes {names}", f"{dims} names")
-        self.dims, self._n_nodes = dims, n_nodes
+        if dtype not in ("f8", "f4"):
+            raise self._error(key, f"dtype {dtype!r}", "'f8' or 'f4'")
+        dims, n_nodes = int(dims), int(n_nodes)
+        names = tuple(name.strip() for name in (axes or "x,y,z"[: 2 * dims - 1]).split(","))
+        if len(names) != dims or len(set(names)) != dims:
+            raise self._error(key, f"axes {names}", f"{dims} different names")
+        names = self._columns(key, names)
+        frame = storable(frame, key=key, file=self.path)
         self._stream(
             key, (n_nodes, dims), dtype, {**self._unit(unit, key), "frame": frame, "axes": names}
         )
+        self.dims, self._n_nodes = dims, n_nodes
         if velocities:
             path = "/time_series/nodes/velocities"
             speed = velocity_unit or units.velocity_unit(unit)
@@ -120,11 +122,15 @@ class Declarations:
             self._shape(base + "fixed", flags.shape, (n_nodes,))
             self._put(base + "fixed", flags, {})
         if ids is not None:
-            self._unique(base + "id", list(ids), n_nodes)
-            self._put(base + "id", np.asarray(ids, dtype="i8"), {})
+            numbers = np.asarray(ids)
+            if numbers.dtype.kind not in "iu":
+                raise self._error(base + "id", f"ids of type {numbers.dtype}", "integers")
+            self._unique(base + "id", numbers.tolist(), n_nodes)
+            self._put(base + "id", numbers.astype("i8"), {})
         if labels is not None:
-            self._unique(base + "label", list(labels), n_nodes)
-            self._put(base + "label", _text(labels), {})
+            text = self._text(base + "label", labels)
+            self._unique(base + "label", text.tolist(), n_nodes)
+            self._put(base + "label", text, {})
 
     # --- elements, channels, whole body ------------------------------------------------------
 
@@ -153,6 +159,8 @@ class Declarations:
         """
         self._open_for("declare_elements")
         key = f"/topology/{self._name(kind, '/topology')}/indices"
+        if kind == "nodes":
+            raise self._error(key, "elements named 'nodes'", "bars, faces, hinges, ...")
         table = np.asarray(indices)
         if table.ndim != 2 or table.dtype.kind not in "iu":
             raise self._error(key, f"{table.dtype} of shape {table.shape}", "(E, k) integers")
@@ -165,16 +173,27 @@ class Declarations:
                 f"node {int(table.min() if table.min() < 0 else table.max())}",
                 f"0 to {self._n_nodes - 1} (declare the nodes first)",
             )
+        double = np.flatnonzero((np.diff(np.sort(table, axis=1), axis=1) == 0).any(axis=1))
+        if double.size:
+            first = int(double[0])
+            raise self._error(
+                key, f"element {first} is {table[first].tolist()}", "no node twice in an element"
+            )
+        stray = sorted(set(widths or {}) - set(series or {}))
+        if stray:
+            raise self._error(key, f"a width for {stray[0]!r}", "widths of quantities in series")
         self._put(key, table.astype("i4"), {})
         for quantity, symbol in (series or {}).items():
             width = (widths or {}).get(quantity)
             path = f"/time_series/elements/{kind}/{self._name(quantity, key)}"
-            row = (len(table),) if width is None else (len(table), width)
+            if width is not None and width < 1:
+                raise self._error(path, f"a width of {width}", "1 or more")
+            row = (len(table),) if width is None else (len(table), int(width))
             self._stream(path, row, "f8", self._unit(symbol, path))
         for name, (values, unit) in (static or {}).items():
             path = f"/topology/{kind}/{self._name(name, key)}"
-            array = _text(values) if _is_text(values) else np.asarray(values)
-            self._shape(path, array.shape[:1], (len(table),))
+            array = self._constants(path, values)
+            self._shape(path, array.shape, (len(table),))
             if array.dtype.kind == "f" and unit is None:
                 raise self._error(path, "no unit", "a unit; '1' for plain numbers")
             self._put(path, array, {} if unit is None else self._unit(unit, path))
@@ -187,7 +206,7 @@ class Declarations:
         path = f"/time_series/channels/{self._name(name, '/time_series/channels')}"
         attrs = {**self._unit(unit, path), "columns": self._columns(path, columns)}
         if quantity:
-            attrs["quantity"] = quantity
+            attrs["quantity"] = storable(quantity, key=path, file=self.path)
         self._stream(path, (len(columns),), "f8", attrs)
 
     def declare_system(self, name: str, *, unit: str = "J") -> None:
@@ -225,24 +244,28 @@ class Declarations:
         """
         self._open_for("declare_input")
         base = f"/inputs/{self._name(name, '/inputs')}"
+        if isinstance(targets, str):
+            raise self._error(base + "/value", f"targets {targets!r}", "a list of names")
         attrs: dict[str, Any] = {
             **self._unit(unit, base + "/value"),
             "columns": self._columns(base + "/value", columns),
-            "quantity": quantity,
-            "targets": tuple(targets),
+            "quantity": storable(quantity, key=base + "/value", file=self.path),
+            "targets": tuple(self._text(base + "/value", targets)),
         }
         self._stream(base + "/value", (len(columns),), "f8", attrs)
         if sequence is None:
             return
-        symbols = np.asarray(sequence, dtype="f8")
-        symbols = symbols[:, np.newaxis] if symbols.ndim == 1 else symbols
         path = base + "/sequence"
+        symbols = self._numbers(path, sequence)
+        symbols = symbols[:, np.newaxis] if symbols.ndim == 1 else symbols
         if symbols.ndim != 2 or symbols.shape[1] != len(columns) or len(symbols) == 0:
             raise self._error(path, f"shape {np.shape(sequence)}", f"(K, {len(columns)})")
         if not np.isfinite(symbols).all():
             raise self._error(path, "NaN or infinite symbols", "finite numbers")
-        if hold is None or not hold > 0:
+        if hold is None or not 0 < hold < np.inf:
             raise self._error(path, f"hold {hold}", "the duration of one symbol, above 0")
+        if not np.isfinite(start):
+            raise self._error(path, f"start {start}", "the time at which symbol 0 begins")
         self._put(path, symbols, {"hold": float(hold), "start": float(start)})
 
     # --- extensions ----------------------------------------------------------------------------
@@ -251,7 +274,9 @@ class Declarations:
         """Open the subtree ``/extensions/<distribution>`` of a plugin."""
         self._open_for("declare_extension")
         owner = f"/extensions/{self._name(distribution, '/extensions')}"
-        self.group_attrs[owner] = {"version": version}
+        if not version:
+            raise self._error(owner, "no version", "the version of the extension")
+        self.group_attrs[owner] = {"version": storable(version, key=owner, file=self.path)}
 
     def put_extension(
         self, distribution: str, name: str, array: ArrayLike, *, unit: str = "1", comment: str = ""
@@ -262,9 +287,13 @@ class Declarations:
         if owner not in self.group_attrs:
             raise self._error(owner, "not declared", "declare_extension() first")
         path = f"{owner}/{self._name(name, owner)}"
-        data = _text(array) if _is_text(array) else np.asarray(array)
-        attrs = {} if _is_text(array) else self._unit(unit, path)
-        self._put(path, data, {**attrs, **({"comment": comment} if comment else {})})
+        data = self._text(path, array) if is_text(array) else np.asarray(array)
+        if not is_text(array) and (data.dtype.kind not in "fiubcV" or data.dtype.hasobject):
+            raise self._error(path, f"type {data.dtype}", "numbers or text")
+        attrs = {} if is_text(array) else self._unit(unit, path)
+        if comment:
+            attrs["comment"] = storable(comment, key=path, file=self.path)
+        self._put(path, data, attrs)
 
     # --- bookkeeping ---------------------------------------------------------------------------
 
@@ -296,56 +325,6 @@ class Declarations:
             raise self._error(path, "declared twice", "one declaration")
         self.static[path] = (data, attrs)
 
-    def _unit(self, symbol: str, key: str) -> dict[str, Any]:
-        found = units.unit(symbol, file=str(self.path), key=key)
-        return {"unit": symbol, "si_factor": found.si_factor}
-
-    def _floats(self, key: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        array = np.asarray(values, dtype="f8")
-        self._shape(key, array.shape, shape)
-        if not np.isfinite(array).all():
-            raise self._error(key, "NaN or infinite values", "finite numbers")
-        return array
-
-    def _shape(self, key: str, found: tuple[int, ...], wanted: tuple[int, ...]) -> None:
-        if tuple(found) != tuple(wanted):
-            raise self._error(key, f"shape {tuple(found)}", f"{tuple(wanted)}")
-
-    def _unique(self, key: str, values: list[Any], n: int) -> None:
-        self._shape(key, (len(values),), (n,))
-        if len(set(values)) != n:
-            double = next(v for i, v in enumerate(values) if v in values[:i])
-            raise self._error(key, f"{double!r} twice", "unique values")
-
-    def _columns(self, key: str, columns: Sequence[str]) -> tuple[str, ...]:
-        if isinstance(columns, str) or not columns or len(set(columns)) != len(columns):
-            raise self._error(key, f"columns {columns!r}", "a list of unique names")
-        return tuple(str(column) for column in columns)
-
-    def _name(self, name: str, key: str) -> str:
-        if not isinstance(name, str) or not _NAME.match(name):
-            raise self._error(key, f"the name {name!r}", "letters, digits, '_', '-', '.', ' '")
-        return name
-
     def _open_for(self, method: str) -> None:
         if self._frozen:
             raise self._error("", f"{method}() after the first append()", "declarations first")
-
-    def _error(self, key: str, found: str, expected: str) -> SchemaError:
-        return SchemaError(
-            found,
-            expected=expected,
-            fix="correct the call",
-            file=self.path,
-            key=key or None,
-        )
-
-
-def _is_text(values: ArrayLike) -> bool:
-    if isinstance(values, list | tuple):
-        return bool(values) and all(isinstance(item, str) for item in values)
-    return isinstance(values, np.ndarray) and values.dtype.kind in "US"
-
-
-def _text(values: Any) -> NDArray[Any]:
-    return np.array([str(item) for item in values], dtype=h5py.string_dtype())

@@ -5,6 +5,7 @@ A finished file is never changed. What is made here names its parents.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from openprc.errors import ConfigError, IncompleteFile, SchemaError
 from openprc.schema import units
 from openprc.schema.atomic import PARTIAL, atomic_file
-from openprc.schema.layout import match
+from openprc.schema.digest import checksum
+from openprc.schema.layout import CHECKSUM, match
 from openprc.schema.provenance import (
     Provenance,
     Source,
@@ -122,6 +124,7 @@ def attach_input(
         )
     names = tuple(columns) or tuple(f"{name}{i}" if data.shape[1] > 1 else name
                                     for i in range(data.shape[1]))  # fmt: skip
+    _check_names(name, names, data.shape[1])
     with Trajectory(source) as trajectory:
         time = trajectory.time
         if name in trajectory.inputs:
@@ -133,6 +136,10 @@ def attach_input(
                 key=f"/inputs/{name}",
             )
     begin = float(time[0]) if start is None else float(start)
+    if not np.isfinite(begin):
+        raise ConfigError(
+            f"start is {begin}", expected="a finite time", fix="correct it", key="start"
+        )
     if hold is None:
         if len(data) != len(time):
             raise ConfigError(
@@ -143,7 +150,7 @@ def attach_input(
                 key=name,
             )
         value = data
-    elif not hold > 0:
+    elif not 0 < hold < np.inf:
         raise ConfigError(
             f"hold is {hold}", expected="a time above 0", fix="correct it", key="hold"
         )
@@ -164,6 +171,23 @@ def attach_input(
 
     extra = [] if signal_file is None else [Source.of(signal_file, role="signal")]
     return _derive(source, target, change, sources=extra, overwrite=overwrite)
+
+
+def _check_names(name: str, columns: tuple[str, ...], count: int) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.\- ]*", name):
+        raise ConfigError(
+            f"the name {name!r}",
+            expected="letters, digits, '_', '-', '.', ' '",
+            fix="choose another --name",
+            key="name",
+        )
+    if len(columns) != count or len(set(columns)) != count:
+        raise ConfigError(
+            f"columns {list(columns)} for a signal of {count}",
+            expected="one name a column, each once",
+            fix="correct the columns",
+            key="columns",
+        )
 
 
 def pack(source: str | Path, target: str | Path, *, overwrite: bool = False) -> Path:
@@ -233,7 +257,8 @@ def repair(
         target = source.with_name(stem if stem != source.name else f"repaired-{stem}")
     with Trajectory(source, allow_incomplete=True) as trajectory:
         rows, status = trajectory.n_frames, trajectory.status
-    if status == "complete":
+    published = source.name.endswith(PARTIAL)
+    if status == "complete" and not published:
         raise IncompleteFile(
             "this file is complete", expected="an unfinished one", fix="use it as it is",
             file=source,
@@ -252,9 +277,11 @@ def repair(
             rule = match(f"/{path}")
             if rule is not None and rule[0].shape[:1] == ("T",):
                 file[path].resize(rows, axis=0)
+                file[path].attrs[CHECKSUM] = np.int64(checksum(file[path][()]))
         file["committed"][()] = rows
         file["time_series/time"].attrs.update(describe_time(file["time_series/time"][()]))
-        file.attrs["status"] = "interrupted"
+        if status != "complete":  # else it was killed between the last frame and the rename
+            file.attrs["status"] = "interrupted"
 
     return _derive(source, Path(target), truncate, overwrite=overwrite)
 

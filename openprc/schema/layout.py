@@ -18,6 +18,9 @@ SCHEMA_MAJOR = 1
 KINDS = ("trajectory", "readout", "metrics", "optimization")
 STATUSES = ("running", "complete", "interrupted", "failed")
 
+#: Attribute with the checksum of everything that grows with time.
+CHECKSUM = "crc32"
+
 Need = Literal["required", "conditional", "optional"]
 
 
@@ -175,6 +178,12 @@ ATTRIBUTES: tuple[AttributeRule, ...] = (
     AttributeRule("/", "dims", "int", "required", "2, 3, or 0 when there are no positions."),
     AttributeRule("/", "title", "str", "optional", "One line; absent rather than empty."),
     AttributeRule("/", "comment", "str", "optional", "Free text; absent rather than empty."),
+    *(
+        AttributeRule(row.path, CHECKSUM, "int", "optional",
+                      "CRC-32 of the values as little-endian bytes in C order.")
+        for row in DATASETS
+        if row.shape[:1] == ("T",)
+    ),
     AttributeRule("/time_series/time", "unit", "str", "required", "Unit of time, 1 for steps."),
     AttributeRule(
         "/time_series/time", "kind", "str", "required",
@@ -239,6 +248,16 @@ ATTRIBUTES: tuple[AttributeRule, ...] = (
 #: Groups that the contract knows; everything else at the root is a stray.
 ROOT_GROUPS = ("committed", "time_series", "inputs", "topology", "provenance", "extensions")
 
+#: What units may measure where the contract says so.
+PHYSICAL_DIMENSIONS: dict[str, tuple[str, ...]] = {
+    "/time_series/nodes/positions": ("length", "pixel length", "arbitrary", "number"),
+    "/time_series/nodes/velocities": (
+        "velocity", "pixel velocity", "arbitrary rate", "arbitrary", "rate",
+    ),
+    "/topology/nodes/rest": ("length", "pixel length", "arbitrary", "number"),
+    "/topology/nodes/mass": ("mass", "arbitrary", "number"),
+}  # fmt: skip
+
 #: Number of nodes in an element of the kinds that the contract names.
 ELEMENT_ARITY = {"bars": 2, "faces": 3, "hinges": 4}
 
@@ -253,6 +272,8 @@ def match(path: str) -> tuple[DatasetRule, dict[str, str]] | None:
             return rule, {}
     for rule in DATASETS:
         if "<" in rule.path and (found := rule.pattern.match(path)):
+            if found.groupdict().get("kind") == "nodes":
+                continue  # nodes are no kind of element
             return rule, found.groupdict()
     return None
 

@@ -18,6 +18,8 @@ import h5py
 import numpy as np
 
 from openprc import __version__
+from openprc.errors import SchemaError, UnreadableFile
+from openprc.schema.plain_text import storable
 
 #: Row of /provenance/inputs.
 SOURCE_DTYPE = np.dtype(
@@ -42,8 +44,21 @@ class Source:
 
     @classmethod
     def of(cls, path: str | Path, *, role: str) -> Source:
-        """Hash the file at `path`, or every file below it when it is a folder."""
+        """Hash the file at `path`, or every file below it when it is a folder.
+
+        Raises
+        ------
+        UnreadableFile
+            When there is nothing at `path`.
+        """
         path = Path(path)
+        if not path.exists():
+            raise UnreadableFile(
+                "the source does not exist",
+                expected="a file that was read",
+                fix="check the path",
+                file=path,
+            )
         digest = hashlib.sha256()
         size = 0
         if path.is_dir():
@@ -52,7 +67,12 @@ class Source:
                 size += _feed(digest, member)
         else:
             size = _feed(digest, path)
-        return cls(role, path.resolve().name, size, digest.hexdigest())
+        return cls(role, _base_name(path), size, digest.hexdigest())
+
+
+def _base_name(path: Path) -> str:
+    # Names may hold bytes that are no UTF-8, and backslashes, which would read as a path.
+    return path.resolve().name.encode(errors="replace").decode().replace("\\", "_")
 
 
 def _feed(digest: Any, path: Path) -> int:
@@ -111,13 +131,30 @@ class Provenance:
             values["seed"] = int(self.seed)
         if self.deterministic is not None:
             values["deterministic"] = int(self.deterministic)
-        return values
+        return {
+            name: storable(value, key=f"/provenance@{name}") if isinstance(value, str) else value
+            for name, value in values.items()
+        }
 
     def config_json(self) -> str | None:
-        """Return the settings as sorted JSON, or None."""
+        """Return the settings as sorted JSON, or None.
+
+        Raises
+        ------
+        SchemaError
+            When they hold NaN, infinite numbers, or keys of several types.
+        """
         if self.config is None:
             return None
-        return json.dumps(self.config, sort_keys=True, default=_plain, allow_nan=False)
+        try:
+            return json.dumps(self.config, sort_keys=True, default=_plain, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise SchemaError(
+                f"the settings cannot be stored as JSON: {error}",
+                expected="text keys, finite numbers, text, lists and mappings",
+                fix="correct the config of the Provenance",
+                key="/provenance/config",
+            ) from error
 
 
 def _plain(value: Any) -> Any:
@@ -190,7 +227,17 @@ def read_provenance(file: h5py.File) -> dict[str, Any]:
             for row in group["inputs"][()]
         ]
     if "config" in group:
-        values["config"] = json.loads(_text(group["config"][()]))
+        text = _text(group["config"][()])
+        try:
+            values["config"] = json.loads(text)
+        except ValueError as error:
+            raise SchemaError(
+                f"the settings are no JSON: {error}",
+                expected="an object as JSON",
+                fix="make the file again",
+                file=file.filename,
+                key="/provenance/config",
+            ) from error
     for name in ("parents", "notes"):
         values[name] = [_text(item) for item in group[name][()]] if name in group else []
     return values

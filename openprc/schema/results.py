@@ -144,7 +144,15 @@ def _put(file: h5py.File, attrs: Mapping[str, Any], arrays: Mapping[str, Any]) -
         data = np.asarray(value)
         if data.dtype.kind in "US":
             data = np.asarray(data.astype(object), dtype=h5py.string_dtype())
-        file.create_dataset(name, data=data)
+        try:
+            file.create_dataset(name, data=data)
+        except (TypeError, ValueError) as error:
+            raise SchemaError(
+                f"cannot store it: {error}",
+                expected="an array of numbers or text, under a name of its own",
+                fix="convert it",
+                key=name,
+            ) from error
     for name, value in attrs.items():
         if value is None:
             continue
@@ -193,7 +201,8 @@ def read_result(path: str | Path) -> Result:
         for key, value in file.attrs.items():
             if key not in _ENVELOPE:
                 attrs[key] = _plain(value)
-        return Result(path, kind, str(file.attrs["run_id"]), attrs, arrays, read_provenance(file))
+        run_id = str(file.attrs.get("run_id", ""))
+        return Result(path, kind, run_id, attrs, arrays, read_provenance(file))
 
 
 def _plain(value: Any) -> Any:

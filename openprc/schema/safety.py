@@ -45,7 +45,18 @@ def check_readable(path: str | Path) -> Path:
         When it is missing, a directory, or empty.
     """
     path = Path(path)
-    if not path.exists():
+    try:
+        there = path.exists()
+        if path.is_file():
+            path.open("rb").close()
+    except OSError as error:
+        raise UnreadableFile(
+            f"the system does not open it: {error.strerror or error}",
+            expected="a file that you may read",
+            fix="check the name and the permissions",
+            file=path,
+        ) from error
+    if not there:
         near = _neighbours(path)
         raise UnreadableFile(
             "the file does not exist",
@@ -154,7 +165,7 @@ def open_hdf5(
             fix="copy or export the file again",
             file=path,
         ) from error
-    except UnsafeFile:
+    except (UnsafeFile, UnreadableFile):
         file.close()
         raise
     return file
@@ -185,11 +196,12 @@ def _walk(file: h5py.File, path: Path, *, references: bool, vlen: bool, soft: bo
                 if soft:
                     continue
                 raise _unsafe(path, where, f"a soft link to {link.path!r}")
-            item = group[name]
-            address = h5py.h5o.get_info(item.id).addr
+            # The link knows the address; asking the object would walk all its chunks.
+            address = group.id.links.get_info(name.encode("utf-8", "surrogateescape")).u
             if address in seen:
                 continue
             seen.add(address)
+            item = group[name]
             if isinstance(item, h5py.Group):
                 pending.append((item, depth + 1))
             elif isinstance(item, h5py.Dataset):
@@ -218,9 +230,11 @@ def _check_dataset(
     if item.shape is None or item.size == 0:
         return
     declared = item.size * item.dtype.itemsize
+    if declared <= SMALL:
+        return
     stored = item.id.get_storage_size()
     ratio = MAX_RATIO if plist.get_nfilters() else 1
-    if declared > SMALL and stored * ratio < declared:
+    if stored * ratio < declared:
         raise _unsafe(
             path,
             where,

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import MissingData
+from openprc.errors import MissingData, SchemaError, UnreadableFile
 from openprc.schema import units
 
 Frames = slice
@@ -64,15 +64,40 @@ class StoredData:
         start, stop, step = frames.indices(self.n_frames)
         if step < 1:
             raise self._missing(path, "a step of 1 or more", "reverse the array afterwards")
-        data: NDArray[Any] = item[start:stop:step]
+        if item.ndim == 0 or len(item) < self.n_frames:
+            raise self._broken(path, f"shape {item.shape}", f"{self.n_frames} rows, one a frame")
+        data: NDArray[Any] = self._read(path, item, slice(start, stop, step))
         return data
 
     def _static(self, path: str, unit: str | None) -> NDArray[Any]:
         item = self._get(path)
         if h5py.check_string_dtype(item.dtype) is not None:
-            text: NDArray[Any] = np.asarray(item.asstr()[()])
+            text: NDArray[Any] = np.asarray(self._read(path, item.asstr(), ()))
             return text
-        return item[()] if unit is None else self._convert(path, item[()], unit)
+        data: NDArray[Any] = self._read(path, item, ())
+        return data if unit is None else self._convert(path, data, unit)
+
+    def _broken(self, path: str, found: str, expected: str) -> SchemaError:
+        return SchemaError(
+            found,
+            expected=expected,
+            fix="see all that is wrong with `openprc validate`, and write the file again",
+            file=self.path,
+            key=path,
+        )
+
+    def _read(self, path: str, item: Any, selection: Any) -> Any:
+        try:
+            return item[selection]
+        except (OSError, RuntimeError, ValueError, TypeError) as error:
+            # A checksum that does not match, a block cut off, or a type that is none.
+            raise UnreadableFile(
+                f"the data cannot be read: {' '.join(str(error).split())}",
+                expected="data as they were written",
+                fix="copy the file again from where it was made",
+                file=self.path,
+                key=path,
+            ) from error
 
     def _convert(self, path: str, data: NDArray[Any], unit: str | None) -> NDArray[np.float64]:
         values: NDArray[np.float64] = data.astype("f8", copy=False)

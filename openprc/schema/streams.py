@@ -1,7 +1,12 @@
 """Growing datasets: the part of the writer that touches HDF5 row by row.
 
-Blocks are gathered in memory and written in three steps, so that a process killed at any
-moment leaves a readable file: append the rows, flush, raise ``/committed``, flush.
+Blocks are gathered in memory and written in three steps, so that a killed process leaves a
+readable file: append the rows, flush, raise ``/committed``, flush.
+
+A chunk that is half full is written again with the next block. A kill in the middle of that
+leaves the old rows as they were, because their bytes do not change; but a checksum of the whole
+chunk would be wrong, and HDF5 would then refuse the committed rows too. So there is no checksum
+per chunk here. `StreamSet.checksums` gives one per dataset, which is stored when the file closes.
 """
 
 from __future__ import annotations
@@ -14,6 +19,8 @@ from typing import Any
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+
+from openprc.schema.digest import checksum
 
 #: Target size of a chunk along time. A chunk of one frame reads a node's history many times
 #: slower, and compression while streaming costs more than it saves.
@@ -51,6 +58,8 @@ class StreamSet:
         self._last_commit = time.monotonic()
         self._created = False
         self.committed = 0
+        #: CRC-32 of the committed rows of every stream.
+        self.checksums = dict.fromkeys(self._streams, 0)
 
     @property
     def rows(self) -> int:
@@ -81,15 +90,19 @@ class StreamSet:
             self._create(single_block=final)
         if self._pending:
             start, stop = self.committed, self.rows
+            checksums: dict[str, int] = {}
             for name, stream in self._streams.items():
                 blocks = [block[name] for _, block in self._pending]
                 dataset = self._file[stream.path]
                 dataset.resize(stop, axis=0)
-                dataset[start:stop] = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+                rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+                dataset[start:stop] = rows
+                checksums[name] = checksum(rows, self.checksums[name])
             self._file.flush()
             self._file["committed"][()] = stop
             # One step for the interpreter: nothing can come between these.
-            self.committed, self._pending, self._pending_bytes = stop, [], 0
+            self.committed, self._pending, self.checksums = stop, [], checksums
+            self._pending_bytes = 0
         self._file.flush()
         self._last_commit = time.monotonic()
 
@@ -107,7 +120,6 @@ class StreamSet:
                 maxshape=(None, *stream.row),
                 chunks=(rows, *(max(1, size) for size in stream.row)),
                 dtype=stream.dtype,
-                fletcher32=True,
             )
             for key, value in stream.attrs.items():
                 write_attribute(dataset, key, value)

@@ -18,6 +18,9 @@ from openprc.schema.view import View
 Profile = Literal["default", "benchmark", "archive"]
 PROFILES: tuple[Profile, ...] = get_args(Profile)
 
+#: What reading a damaged file raises, depending on which byte was hit.
+_DAMAGE = (OSError, RuntimeError, ValueError, TypeError, LookupError, MemoryError)
+
 #: What a check yields: path, found, expected, fix.
 Complaint = tuple[str, str, str, str]
 
@@ -141,6 +144,8 @@ def validate_file(path: str | Path, *, profile: Profile = "default") -> Report:
         except SchemaError as error:
             known = isinstance(error, SchemaTooNew | SchemaTooOld)
             return Report(path, profile, (_opening("OPS-F03" if known else "OPS-F04", error),))
+        except _DAMAGE as error:
+            return Report(path, profile, (_unreadable("version", error),))
         findings += [
             Finding("OPS-F03", "warning", "/", str(w.message), "", "update openprc")
             for w in caught
@@ -158,18 +163,21 @@ def validate_file(path: str | Path, *, profile: Profile = "default") -> Report:
 def _run(item: Check, view: View) -> list[Finding]:
     try:
         return [Finding(item.code, item.level, *complaint) for complaint in item.function(view)]
-    except (OSError, RuntimeError) as error:
-        # HDF5 reports a checksum that does not match, or a block cut off, while reading.
-        return [
-            Finding(
-                "OPS-F05",
-                "error",
-                "/",
-                f"data cannot be read ({item.code}): {' '.join(str(error).split())}",
-                "data as they were written",
-                "copy the file again from where it was made",
-            )
-        ]
+    except _DAMAGE as error:
+        # HDF5 reports a checksum that does not match, or a block cut off, while reading; types
+        # and shapes that no check expects come from files that other checks refuse.
+        return [_unreadable(item.code, error)]
+
+
+def _unreadable(code: str, error: Exception) -> Finding:
+    return Finding(
+        "OPS-F05",
+        "error",
+        "/",
+        f"data cannot be read ({code}): {' '.join(str(error).split())}",
+        "data as they were written",
+        "copy the file again from where it was made",
+    )
 
 
 def _opening(code: str, error: OpenPRCError) -> Finding:

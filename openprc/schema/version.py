@@ -26,7 +26,7 @@ def parse_version(text: object, path: Path) -> tuple[int, int]:
     """
     if isinstance(text, bytes):
         text = text.decode(errors="replace")
-    found = re.fullmatch(r"(\d+)\.(\d+)", text) if isinstance(text, str) else None
+    found = re.fullmatch(r"([0-9]{1,6})\.([0-9]{1,6})", text) if isinstance(text, str) else None
     if found is None:
         raise SchemaError(
             f"the version is {text!r}",

@@ -64,12 +64,17 @@ class View:
         return self.datasets.get(path)
 
     def attribute(self, path: str, name: str) -> Any:
-        """Return an attribute as a plain value, or None."""
+        """Return an attribute as a plain value, an array as a tuple, or None."""
         owner = self.file if path == "/" else self.objects.get(path)
         value = None if owner is None else owner.attrs.get(name)
-        if isinstance(value, bytes):
-            return value.decode(errors="replace")
-        return value.item() if isinstance(value, np.generic) else value
+        if isinstance(value, h5py.Empty):
+            return None
+        return _plain(value)
+
+    def children(self, path: str) -> tuple[str, ...]:
+        """Names in a group; none when it is absent or a dataset."""
+        group = self.objects.get(path)
+        return tuple(group) if isinstance(group, h5py.Group) else ()
 
     @cached_property
     def n_frames(self) -> int:
@@ -148,3 +153,11 @@ class View:
         if found.first_inf is None and inf.any():
             first = np.argwhere(inf)[0]
             found.first_inf = (start + int(first[0]), *(int(i) for i in first[1:]))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    if isinstance(value, np.ndarray):
+        return tuple(str(_plain(item)) if value.dtype == object else _plain(item) for item in value)
+    return value.item() if isinstance(value, np.generic) else value

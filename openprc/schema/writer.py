@@ -7,9 +7,11 @@ while writing, so a file under its final name is complete and valid.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
+from weakref import WeakValueDictionary
 
 import h5py
 import numpy as np
@@ -19,7 +21,8 @@ from openprc.errors import ResultExists, SchemaError, UnreadableFile
 from openprc.schema import atomic
 from openprc.schema.blocks import Block, BlockChecker
 from openprc.schema.declarations import Declarations
-from openprc.schema.layout import SCHEMA_VERSION
+from openprc.schema.layout import CHECKSUM, SCHEMA_VERSION
+from openprc.schema.plain_text import storable
 from openprc.schema.provenance import (
     Provenance,
     Source,
@@ -29,6 +32,9 @@ from openprc.schema.provenance import (
 )
 from openprc.schema.streams import StreamSet
 from openprc.schema.timebase import describe_time
+
+#: Partial files that this process is writing. HDF5 locks files against other processes only.
+_WRITING: WeakValueDictionary[Path, TrajectoryWriter] = WeakValueDictionary()
 
 
 class TrajectoryWriter(Declarations):
@@ -105,8 +111,25 @@ class TrajectoryWriter(Declarations):
         self.path.parent.mkdir(parents=True, exist_ok=True)
         if self.partial.exists():
             self._clear_leftover()
-        # "x" fails if another writer was quicker; nothing is ever opened over.
-        file = h5py.File(self.partial, "x")
+        try:
+            # "x" fails if another writer was quicker; nothing is ever opened over.
+            file = h5py.File(self.partial, "x")
+        except FileExistsError:
+            raise self._in_the_way() from None
+        _WRITING[self.partial.resolve()] = self
+        try:
+            self._write_envelope(file)
+        except BaseException:
+            self._release(file)
+            self.partial.unlink(missing_ok=True)
+            raise
+        return file
+
+    def _release(self, file: h5py.File) -> None:
+        file.close()
+        _WRITING.pop(self.partial.resolve(), None)
+
+    def _write_envelope(self, file: h5py.File) -> None:
         file.attrs.update(
             {
                 "openprc_schema": SCHEMA_VERSION,
@@ -119,17 +142,18 @@ class TrajectoryWriter(Declarations):
         )
         for name, text in (("title", self._title), ("comment", self._comment)):
             if text:
-                file.attrs[name] = text
+                file.attrs[name] = storable(text, key=name, file=self.path)
         file.create_dataset("committed", data=np.int64(0))
         write_provenance(file, self.provenance, [], [])
         file.flush()
-        return file
 
     def _clear_leftover(self) -> None:
-        if self._overwrite and not _is_locked(self.partial):
-            self.partial.unlink()
-            return
-        raise ResultExists(
+        if not self._overwrite or _is_locked(self.partial):
+            raise self._in_the_way()
+        self.partial.unlink()
+
+    def _in_the_way(self) -> ResultExists:
+        return ResultExists(
             "an unfinished file of this name is in the way",
             expected="no file of this name",
             fix="if its run has ended, keep what it holds with `openprc repair`, or delete it",
@@ -148,13 +172,11 @@ class TrajectoryWriter(Declarations):
         if kind is None:
             try:
                 self.close()
-            except BaseException:
-                self._abandon("failed")
+            except BaseException as problem:
+                self._abandon(_status_after(type(problem)))
                 raise
-        elif issubclass(kind, KeyboardInterrupt):
-            self._abandon("interrupted")
         else:
-            self._abandon("failed")
+            self._abandon(_status_after(kind))
 
     def close(self) -> None:
         """Check the whole, mark it complete, and give it its final name.
@@ -179,9 +201,11 @@ class TrajectoryWriter(Declarations):
         self._live[1].commit(final=True)
         dataset = self._file["time_series/time"]
         dataset.attrs.update(describe_time(dataset[()]))
+        for path, checksum in self._live[1].checksums.items():
+            self._file[path].attrs[CHECKSUM] = np.int64(checksum)
         write_provenance(self._file, self.provenance, self._sources, self._notes)
         self._file.attrs["status"] = "complete"
-        self._file.close()
+        self._release(self._file)
         if self._verify is not None:
             self._verify(self.partial)
         if not self._overwrite:
@@ -196,11 +220,14 @@ class TrajectoryWriter(Declarations):
         rows = self.n_frames
         if self._file:  # h5py files are false once closed
             if self._live is not None:
-                self._live[1].commit()
+                # What made the run fail, a full disk say, may well fail here too.
+                with suppress(OSError):
+                    self._live[1].commit()
                 rows = self._live[1].committed
-            self._file.attrs["status"] = status
-            write_provenance(self._file, self.provenance, self._sources, self._notes)
-            self._file.close()
+            with suppress(OSError):
+                self._file.attrs["status"] = status
+                write_provenance(self._file, self.provenance, self._sources, self._notes)
+            self._release(self._file)
         elif self.partial.exists():
             with h5py.File(self.partial, "r+") as file:
                 file.attrs["status"] = status
@@ -215,7 +242,8 @@ class TrajectoryWriter(Declarations):
 
     def note(self, text: str) -> None:
         """Keep a remark that a reader of the data should know."""
-        self._notes.append(" ".join(text.split()))
+        words = " ".join(text.split())
+        self._notes.append(storable(words, key="/provenance/notes", file=self.path))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -261,6 +289,13 @@ class TrajectoryWriter(Declarations):
             time does not increase, or a value is infinite, or NaN without being marked
             missing. Nothing of the block is kept then.
         """
+        if not self._file:
+            raise SchemaError(
+                "append() after the file was closed",
+                expected="frames before close()",
+                fix="open another writer",
+                file=self.path,
+            )
         given: dict[str, Any] = {"/time_series/time": time}
         for name, value in (
             ("positions", positions),
@@ -282,7 +317,7 @@ class TrajectoryWriter(Declarations):
 
     def commit(self) -> None:
         """Make every frame so far safe against a crash of this process."""
-        if self._live is not None:
+        if self._live is not None and self._file:
             self._live[1].commit()
 
     def _begin(self) -> tuple[BlockChecker, StreamSet]:
@@ -310,7 +345,13 @@ def _checksummed(data: Any) -> bool | None:
     return data.dtype.kind in "fiu" or None
 
 
+def _status_after(error: type[BaseException]) -> str:
+    return "interrupted" if issubclass(error, KeyboardInterrupt) else "failed"
+
+
 def _is_locked(path: Path) -> bool:
+    if path.resolve() in _WRITING:
+        return True
     try:
         h5py.File(path, "r+").close()
     except BlockingIOError:

@@ -23,7 +23,7 @@ def load_pybullet(reason: str) -> ModuleType:
         When it is not installed, or was built for another NumPy; names what `reason` needs.
     """
     try:
-        with quiet():
+        with quiet(drop=True):  # on import it prints when it was built
             return import_module("pybullet")
     except ImportError as error:
         raise MissingDependency(
@@ -56,8 +56,8 @@ def direct_client(reason: str) -> Iterator[tuple[ModuleType, int]]:
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Send what C code writes to file descriptor 1 to descriptor 2 meanwhile.
+def quiet(*, drop: bool = False) -> Iterator[None]:
+    """Send what C code writes to file descriptor 1 to descriptor 2 meanwhile, or nowhere.
 
     Bullet prints remarks with printf. On stdout they would end up inside the JSON that a
     command prints, and `contextlib.redirect_stdout` does not reach C.
@@ -70,7 +70,12 @@ def quiet() -> Iterator[None]:
         return
     flush(None)
     try:
-        os.dup2(2, 1)
+        if drop:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.close(nowhere)
+        else:
+            os.dup2(2, 1)
         yield
     finally:
         flush(None)
