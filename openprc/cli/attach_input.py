@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from openprc.cli.blame import reading
 from openprc.cli.console import force_option, json_option, print_json
 from openprc.cli.options import FINITE
 from openprc.cli.signal_file import read_signal
@@ -59,10 +60,11 @@ def command(
     Finished files are not changed; the copy names PATH's run as its parent.
     """
     values, names = read_signal(signal, columns=columns)
-    attach_input(
-        path, out, name=name, signal=values, unit=unit, quantity=quantity, hold=hold,
-        start=start, columns=names, targets=targets, signal_file=signal, overwrite=force,
-    )  # fmt: skip
+    with reading(path):
+        attach_input(
+            path, out, name=name, signal=values, unit=unit, quantity=quantity, hold=hold,
+            start=start, columns=names, targets=targets, signal_file=signal, overwrite=force,
+        )  # fmt: skip
     kind = "values" if hold is None else f"symbols of {hold:g}"
     if as_json:
         print_json({"path": str(out), "input": name, "length": len(values), "hold": hold})

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from openprc.cli.blame import reading
 from openprc.cli.console import console, json_option, print_json, spinner, table
 from openprc.cli.options import FINITE, NOT_NEGATIVE
 
@@ -82,7 +83,7 @@ def command(
         item = registry.find("openprc_features", feature_name)
         with owned_by(item.qualified_name, "being set up"):
             features = registry.load(item)()
-    with spinner(f"scoring {path.name}", hidden=as_json):
+    with spinner(f"scoring {path.name}", hidden=as_json), reading(path):
         report = score_file(
             path,
             order=order,

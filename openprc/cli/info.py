@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from openprc.cli.blame import reading
 from openprc.cli.console import console, json_option, print_json, table
 from openprc.schema.describe import describe
 from openprc.schema.experiment import load_experiment
@@ -17,7 +18,8 @@ from openprc.schema.experiment import load_experiment
 @json_option
 def command(path: Path, as_json: bool) -> None:
     """Show what PATH, a file of the package or an experiment folder, holds."""
-    outline = _experiment(path) if path.is_dir() else describe(path)
+    with reading(path):
+        outline = _experiment(path) if path.is_dir() else describe(path)
     if as_json:
         print_json(outline)
         return

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from openprc.cli.blame import reading
 from openprc.cli.console import force_option, json_option, print_json, spinner
 from openprc.schema.derive import pack
 
@@ -18,7 +19,7 @@ from openprc.schema.derive import pack
 def command(path: Path, out: Path | None, force: bool, as_json: bool) -> None:
     """Write a compressed copy of PATH and verify that it holds the same numbers."""
     target = out or path.with_name(f"{path.stem}.packed.h5")
-    with spinner(f"packing {path.name}", hidden=as_json):
+    with spinner(f"packing {path.name}", hidden=as_json), reading(path):
         pack(path, target, overwrite=force)
     before, after = path.stat().st_size, target.stat().st_size
     if as_json:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from openprc.cli.blame import reading
 from openprc.cli.console import force_option, json_option, print_json
 from openprc.schema.derive import repair
 from openprc.schema.trajectory import Trajectory
@@ -21,7 +22,8 @@ def command(path: Path, out: Path | None, force: bool, as_json: bool) -> None:
 
     PATH itself is left as it is.
     """
-    target = repair(path, out, overwrite=force)
+    with reading(path):
+        target = repair(path, out, overwrite=force)
     with Trajectory(target) as trajectory:
         frames, status = trajectory.n_frames, trajectory.status
     if as_json:

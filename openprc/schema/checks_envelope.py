@@ -112,6 +112,9 @@ def strays(view: View) -> Iterator[Complaint]:
                 "one of " + ", ".join(ROOT_GROUPS),
                 "move it below /extensions/<your distribution>",
             )
+        elif (name == "committed") != (f"/{name}" in view.datasets):
+            wanted = "a dataset" if name == "committed" else "a group"
+            yield f"/{name}", f"not {wanted}", wanted, _REWRITE
 
 
 @check("OPS-R09", "error", "/committed equals the number of frames")

@@ -23,7 +23,7 @@ def load_pybullet(reason: str) -> ModuleType:
         When it is not installed, or was built for another NumPy; names what `reason` needs.
     """
     try:
-        with quiet(drop=True):  # on import it prints when it was built
+        with quiet(), silent_errors():  # on import it prints when it was built, to stderr
             return import_module("pybullet")
     except ImportError as error:
         raise MissingDependency(
@@ -56,8 +56,8 @@ def direct_client(reason: str) -> Iterator[tuple[ModuleType, int]]:
 
 
 @contextmanager
-def quiet(*, drop: bool = False) -> Iterator[None]:
-    """Send what C code writes to file descriptor 1 to descriptor 2 meanwhile, or nowhere.
+def quiet() -> Iterator[None]:
+    """Send what C code writes to file descriptor 1 to descriptor 2 meanwhile.
 
     Bullet prints remarks with printf. On stdout they would end up inside the JSON that a
     command prints, and `contextlib.redirect_stdout` does not reach C.
@@ -70,17 +70,32 @@ def quiet(*, drop: bool = False) -> Iterator[None]:
         return
     flush(None)
     try:
-        if drop:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.close(nowhere)
-        else:
-            os.dup2(2, 1)
+        os.dup2(2, 1)
         yield
     finally:
         flush(None)
         os.dup2(saved, 1)
         os.close(saved)
+
+
+@contextmanager
+def silent_errors() -> Iterator[None]:
+    """Drop what is written to file descriptor 2 meanwhile."""
+    flush = _c_flush()
+    try:
+        saved = os.dup(2)
+    except OSError:
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        flush(None)
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
 
 
 def _c_flush() -> Any:
