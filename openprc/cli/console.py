@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +24,7 @@ from openprc.schema.findings import Finding
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 force_option = click.option("--force", is_flag=True, help="Replace an existing result.")
 
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 _STYLE = {"error": "bold red", "warning": "yellow", "hint": "cyan"}
 
 
@@ -73,17 +75,22 @@ def _is_number(value: Any) -> bool:
 def _cell(value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
+
+
+def printable(text: str) -> str:
+    """Return text from a file without what a terminal would obey or could not encode."""
+    return _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def print_findings(out: Console, findings: Sequence[Finding]) -> None:
     """Print findings, one block each."""
     for item in findings:
         out.print(
-            f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{escape(item.path)}[/]: ",
+            f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{escape(printable(item.path))}[/]: ",
             end="",
         )
-        out.print(item.found, markup=False)
+        out.print(printable(item.found), markup=False)
         if item.expected:
             out.print(f"  expected: {item.expected}", markup=False)
         if item.fix:

@@ -19,8 +19,8 @@ from openprc.hooks.importing import ProducedRun, import_file
 from openprc.hooks.protocols import Sample
 from openprc.hooks.registry import Registered, Registry, default_registry, resolve
 from openprc.hooks.running import run_experiment
+from openprc.hooks.validating import validate_run
 from openprc.schema.derive import attach_input
-from openprc.schema.validate import validate_file
 
 
 @dataclass
@@ -89,7 +89,7 @@ def demonstrate(item: Registered, folder: Path, *, registry: Registry, order: in
     folder.mkdir(parents=True, exist_ok=True)
     try:
         run = _produce(item, folder, way, registry)
-        _score(row, run, folder, order)
+        _score(row, run, folder, order=order, registry=registry)
     except MissingDependency as error:
         row.state, row.remark = "unavailable", f"{error.found}; {error.fix}"
     except OpenPRCError as error:
@@ -135,11 +135,11 @@ def _signal(given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _score(row: Row, run: ProducedRun, folder: Path, order: int) -> None:
+def _score(row: Row, run: ProducedRun, folder: Path, *, order: int, registry: Registry) -> None:
     # scikit-learn takes seconds to import; the help of this command need not wait for it.
     from openprc.analysis.benchmarks.report import score_file  # noqa: PLC0415
 
-    report = validate_file(run.path)
+    report = validate_run(run.path, registry=registry)
     counts = [sum(f.level == level for f in report.findings) for level in ("error", "warning")]
     row.findings = "valid" if not any(counts) else f"{counts[0]} errors, {counts[1]} warnings"
     row.nodes, row.channels, row.frames = run.n_nodes, run.n_channels, run.n_frames

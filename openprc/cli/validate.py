@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from openprc.cli.console import console, json_option, print_findings, print_json
+from openprc.hooks.validating import validate_run
 from openprc.schema.findings import LEVELS, Level
-from openprc.schema.validate import PROFILES, Profile, validate_file
+from openprc.schema.validate import PROFILES, Profile
 
 
 @click.command("validate")
@@ -37,7 +38,7 @@ def command(
 
     Exit code 0: no error. 1: a file breaks the contract. 2: a file cannot be read.
     """
-    reports = [validate_file(path, profile=profile) for path in paths]
+    reports = [validate_run(path, profile=profile) for path in paths]
     if as_json:
         data = [
             {**report.as_dict(), "findings": [f.as_dict() for f in report.at_least(level)]}

@@ -13,10 +13,10 @@ from openprc.hooks.faults import owned_by
 from openprc.hooks.options import resolve_options
 from openprc.hooks.registry import Registered, Registry, default_registry
 from openprc.hooks.sniff import choose_importer
+from openprc.hooks.validating import validate_run
 from openprc.schema.findings import Finding
 from openprc.schema.provenance import Provenance, typed_command
 from openprc.schema.trajectory import Trajectory
-from openprc.schema.validate import validate_file
 from openprc.schema.writer import TrajectoryWriter
 
 
@@ -117,7 +117,7 @@ def import_file(
             provenance=provenance,
             overwrite=overwrite,
             on_failure="discard",
-            verify=lambda partial: findings.extend(refuse_invalid(partial, out)),
+            verify=lambda partial: findings.extend(refuse_invalid(partial, out, registry)),
         ) as writer,
         owned_by(item.qualified_name, f"importing {path.name}", file=str(path)),
     ):
@@ -142,7 +142,7 @@ def _nameless(value: Any) -> Any:
     return value
 
 
-def refuse_invalid(partial: Path, final: Path) -> tuple[Finding, ...]:
+def refuse_invalid(partial: Path, final: Path, registry: Registry) -> tuple[Finding, ...]:
     """Validate a finished file before it gets its final name; return what is not an error.
 
     Raises
@@ -150,7 +150,7 @@ def refuse_invalid(partial: Path, final: Path) -> tuple[Finding, ...]:
     SchemaError
         Naming the first error.
     """
-    report = validate_file(partial)
+    report = validate_run(partial, registry=registry)
     errors = [finding for finding in report.findings if finding.level == "error"]
     if errors:
         first = errors[0]

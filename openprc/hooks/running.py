@@ -95,7 +95,7 @@ def run_experiment(
             target,
             provenance=provenance,
             overwrite=overwrite or experiment.overwrite,
-            verify=lambda partial: findings.extend(refuse_invalid(partial, target)),
+            verify=lambda partial: findings.extend(refuse_invalid(partial, target, registry)),
         ) as writer,
         owned_by(item.qualified_name, "running", file=str(folder)),
     ):

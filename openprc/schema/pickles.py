@@ -47,6 +47,26 @@ def _scalar(dtype: Any, data: Any = None) -> Any:
     return np.frombuffer(raw, dtype=dtype, count=1)[0]
 
 
+def _dtype(*arguments: Any) -> np.dtype[Any]:
+    found: np.dtype[Any] = np.dtype(*arguments)
+    if found.hasobject:
+        # numpy fills such arrays from a list without checking it: crafted, that is a crash.
+        raise UnsafeFile(
+            "the pickle holds an array of Python objects",
+            expected="arrays of numbers or text",
+            fix="save lists of arrays, or plain arrays",
+        )
+    # A copy, because a pickle may change the type that it gets and others share it.
+    return np.dtype(found, copy=True)
+
+
+def _text(value: Any = "") -> str:
+    # str() of lists nested in each other doubles with every level.
+    if not isinstance(value, str):
+        raise pickle.UnpicklingError("text made of something else")
+    return value
+
+
 def _encode(text: str, encoding: str = "utf-8") -> bytes:
     return codecs.encode(text, encoding if encoding in ("latin1", "latin-1") else "utf-8")
 
@@ -57,12 +77,13 @@ def _allowed() -> dict[str, Any]:
         "collections.OrderedDict": collections.OrderedDict,
         "collections.deque": collections.deque,
         "numpy.ndarray": _ArrayType,
-        "numpy.dtype": np.dtype,
+        "numpy.dtype": _dtype,
         "_codecs.encode": _encode,
     }
     for module in ("builtins", "__builtin__"):
-        for kind in (list, dict, tuple, set, frozenset, int, float, bool, str, complex):
+        for kind in (list, dict, tuple, set, frozenset, int, float, bool, complex):
             names[f"{module}.{kind.__name__}"] = kind
+        names[f"{module}.str"] = _text
     for core in ("numpy.core", "numpy._core"):
         names[f"{core}.multiarray._reconstruct"] = _reconstruct
         names[f"{core}.multiarray.scalar"] = _scalar
@@ -114,8 +135,10 @@ def load_pickle(path: str | Path, *, trust: bool) -> Any:
     try:
         with path.open("rb") as stream:
             value = _Unpickler(stream, path).load()
-    except UnsafeFile:
-        raise
+    except UnsafeFile as error:
+        raise type(error)(
+            error.found, expected=error.expected, fix=error.fix, file=path, key=error.key
+        ) from None
     except MemoryError as error:
         raise UnsafeFile(
             "the pickle asks for more memory than there is",

@@ -6,7 +6,7 @@ import sys
 
 from openprc.schema.layout import ATTRIBUTES, DATASETS, SCHEMA_VERSION
 from openprc.schema.units import UNITS
-from openprc.schema.validate import OPENING, all_checks
+from openprc.schema.validate import BY_PLUGINS, OPENING, all_checks
 
 _INTRO = f"""# simulation.h5, schema {SCHEMA_VERSION}
 
@@ -82,6 +82,9 @@ def render() -> str:
     lines += [
         f"| {item.code} | {item.level} | {item.profile} | {item.demand} |"
         for item in all_checks().values()
+    ]
+    lines += [
+        f"| {code} | {level} | default | {demand} |" for code, (level, demand) in BY_PLUGINS.items()
     ]
     return "\n".join(lines) + "\n"
 

@@ -313,6 +313,15 @@ class Trajectory(Clock):
     # --- the rest ----------------------------------------------------------------------------
 
     @property
+    def extensions(self) -> tuple[str, ...]:
+        """Distributions that have a subtree of their own."""
+        return self._names("extensions")
+
+    def extension(self, distribution: str, name: str) -> NDArray[Any]:
+        """Return an array of a distribution's own subtree, as stored."""
+        return self._static(f"/extensions/{distribution}/{name}", None)
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """Where the file came from, as plain values."""
         return read_provenance(self._file)

@@ -51,6 +51,13 @@ OPENING: dict[str, str] = {
 }
 
 
+#: Codes that come in when plugins check their own subtrees (`openprc.hooks.validating`).
+BY_PLUGINS: dict[str, tuple[Level, str]] = {
+    "OPS-X02": ("hint", "an installed plugin checks every extension"),
+    "OPS-X03": ("warning", "the check of an extension does not fail itself"),
+}
+
+
 def check(
     code: str, level: Level, demand: str, *, profile: Profile = "default"
 ) -> Callable[[Callable[[View], Iterator[Complaint]]], Callable[[View], Iterator[Complaint]]]:
