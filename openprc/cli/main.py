@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "attach-input": ("attach_input", "Add what drove the body to a copy of a file"),
     "benchmark": ("benchmark", "Train a readout on a NARMA task and score it"),
     "demo": ("demo", "Import, run, validate and score one small body a producer"),
+    "export": ("export", "Write a trajectory in another format"),
     "import": ("import_run", "Turn another program's file into simulation.h5"),
     "info": ("info", "Show what a file or an experiment folder holds"),
     "migrate": ("migrate", "Copy a file of an older schema to the present one"),

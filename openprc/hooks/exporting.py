@@ -1,0 +1,73 @@
+"""From a simulation.h5 to files of another format."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from openprc.errors import PluginError
+from openprc.hooks.faults import owned_by
+from openprc.hooks.registry import Registry, default_registry
+from openprc.schema.atomic import publish, refuse_existing
+from openprc.schema.trajectory import Trajectory
+
+
+def export_file(
+    path: str | Path,
+    out: str | Path,
+    *,
+    to: str | None = None,
+    overwrite: bool = False,
+    registry: Registry | None = None,
+) -> tuple[Path, ...]:
+    """Export a trajectory and return the files made.
+
+    Parameters
+    ----------
+    path : path-like
+        A simulation.h5.
+    out : path-like
+        The file to write; an exporter that writes several puts the others beside it.
+    to : str, optional
+        The exporter; by default the one named like the ending of `out`.
+    overwrite : bool
+        Replace existing files, once all of them are written.
+
+    Raises
+    ------
+    UnknownName
+        When there is no such exporter.
+    ResultExists
+        When a file is there and `overwrite` is false.
+    PluginError
+        When the exporter fails or writes elsewhere; nothing is left then.
+    """
+    path, out = Path(path), Path(out)
+    registry = registry or default_registry()
+    item = registry.find("openprc_exporters", to or out.suffix.lstrip(".").lower() or out.name)
+    if not overwrite:
+        refuse_existing(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with (
+        Trajectory(path) as trajectory,
+        tempfile.TemporaryDirectory(dir=out.parent, prefix=".export-") as name,
+    ):
+        folder = Path(name)
+        with owned_by(item.qualified_name, f"exporting {path.name}", file=str(path)):
+            exporter = registry.load(item)()
+            made = [Path(file) for file in exporter.export(trajectory, folder / out.name)]
+        stray = [file for file in made if file.parent != folder or not file.is_file()]
+        if stray or not made:
+            raise PluginError(
+                f"{item.qualified_name} reported {stray[0] if stray else 'no file'}",
+                expected="files beside the one that was asked for",
+                fix="report it to the authors of the plugin",
+                file=path,
+            )
+        targets = [out.parent / file.name for file in made]
+        if not overwrite:
+            for target in targets:
+                refuse_existing(target)
+        for file, target in zip(made, targets, strict=True):
+            publish(file, target)
+    return tuple(targets)
