@@ -86,10 +86,9 @@ def printable(text: str) -> str:
 def print_findings(out: Console, findings: Sequence[Finding]) -> None:
     """Print findings, one block each."""
     for item in findings:
-        out.print(
-            f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{escape(printable(item.path))}[/]: ",
-            end="",
-        )
+        where = escape(printable(item.path))
+        head = f"[{_STYLE[item.level]}]{item.level}[/] {item.code} [bold]{where}[/]: "
+        out.print(head, end="")
         out.print(printable(item.found), markup=False)
         if item.expected:
             out.print(f"  expected: {item.expected}", markup=False)

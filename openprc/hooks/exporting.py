@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from openprc.errors import PluginError
+from openprc.errors import PluginError, ResultExists
 from openprc.hooks.faults import owned_by
 from openprc.hooks.registry import Registry, default_registry
 from openprc.schema.atomic import publish, refuse_existing
@@ -31,7 +33,7 @@ def export_file(
     to : str, optional
         The exporter; by default the one named like the ending of `out`.
     overwrite : bool
-        Replace existing files, once all of them are written.
+        Replace existing files, once all of them are written; never the trajectory.
 
     Raises
     ------
@@ -47,12 +49,15 @@ def export_file(
     item = registry.find("openprc_exporters", to or out.suffix.lstrip(".").lower() or out.name)
     if not overwrite:
         refuse_existing(out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        Trajectory(path) as trajectory,
-        tempfile.TemporaryDirectory(dir=out.parent, prefix=".export-") as name,
-    ):
-        folder = Path(name)
+    if out.exists() and path.exists() and out.samefile(path):
+        raise ResultExists(
+            "the export would replace what is exported",
+            expected="another name",
+            fix="choose another output",
+            file=out,
+        )
+    # The folder is made once it is known that there is something to put there.
+    with Trajectory(path) as trajectory, _scratch_beside(out) as folder:
         with owned_by(item.qualified_name, f"exporting {path.name}", file=str(path)):
             exporter = registry.load(item)()
             made = [Path(file) for file in exporter.export(trajectory, folder / out.name)]
@@ -71,3 +76,10 @@ def export_file(
         for file, target in zip(made, targets, strict=True):
             publish(file, target)
     return tuple(targets)
+
+
+@contextmanager
+def _scratch_beside(out: Path) -> Iterator[Path]:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".export-") as name:
+        yield Path(name)

@@ -66,9 +66,9 @@ def _checked(item: Registered, registry: Registry, trajectory: Trajectory) -> li
     try:
         with owned_by(item.qualified_name, "checking its extension", file=str(trajectory.path)):
             found = list(registry.load(item)(trajectory))
-            stray = next((entry for entry in found if not isinstance(entry, Finding)), None)
-            if stray is not None:
-                raise TypeError(f"it yielded a {type(stray).__name__}, not a Finding")
+            for entry in found:
+                if not isinstance(entry, Finding):
+                    raise TypeError(f"it yielded a {type(entry).__name__}, not a Finding")
             return found
     except OpenPRCError as error:
         return [
