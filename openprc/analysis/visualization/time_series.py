@@ -133,7 +133,9 @@ def _draw(
     axes.plot(time, target, color="0.2", linewidth=1.4, label="target")
     axes.plot(time, prediction, color="tab:red", linewidth=1.0, linestyle="--", label="prediction")
     axes.set_xlabel(x_label)
-    axes.set_title(title, fontsize="medium")
-    axes.legend(loc="upper right", frameon=False)
+    axes.set_ylabel("output of the task")
+    axes.set_title(title, fontsize="medium", loc="left")
+    # Above the axes, where it hides no part of the curves.
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
     axes.margins(x=0)
     return figure
