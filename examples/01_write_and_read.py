@@ -1,6 +1,6 @@
 """Write a trajectory from your own loop, validate it, and read it back.
 
-    python examples/01_write_and_read.py
+python examples/01_write_and_read.py
 """
 
 from __future__ import annotations

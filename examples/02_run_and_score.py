@@ -1,6 +1,6 @@
 """Drive a spring lattice with random symbols, run it natively, and score it on NARMA-2.
 
-    python examples/02_run_and_score.py
+python examples/02_run_and_score.py
 """
 
 from __future__ import annotations
