@@ -47,7 +47,7 @@ def npz_headers(path: str | Path) -> dict[str, tuple[tuple[int, ...], np.dtype[n
                     )
                 with archive.open(entry) as stream:
                     headers[entry.filename[:-4]] = _header(stream, entry.file_size, path, entry)
-    except (*_DAMAGE, NotImplementedError, RuntimeError) as error:
+    except (*_DAMAGE, ValueError, NotImplementedError, RuntimeError) as error:
         raise UnreadableFile(
             f"not a readable .npz archive: {error}",
             expected="a complete file written by numpy.savez",

@@ -207,7 +207,7 @@ def exploded(view: View) -> Iterator[Complaint]:
         )
 
 
-@check("OPS-N09", "error", "recorded values match the checksum that was stored with them")
+@check("OPS-V01", "error", "recorded values match the checksum that was stored with them")
 def checksums(view: View) -> Iterator[Complaint]:
     """Values that changed after the file was written."""
     for path in view.datasets:

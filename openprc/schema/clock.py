@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import NonUniformTime
+from openprc.schema.damage import damage_named
 from openprc.schema.stored import ALL, StoredData
 from openprc.schema.timebase import UNIFORM_TOLERANCE, max_deviation
 
@@ -48,7 +49,9 @@ class Clock(StoredData):
     @property
     def uniform(self) -> bool:
         """Whether frames are evenly spaced, as the writer checked."""
-        return bool(self._file["time_series/time"].attrs.get("uniform", 0))
+        path = "/time_series/time"
+        with damage_named(self.path, f"{path}@uniform"):
+            return bool(self._file[path].attrs.get("uniform", 0))
 
     @property
     def t0(self) -> float:

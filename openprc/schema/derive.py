@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from openprc.errors import ConfigError, IncompleteFile, SchemaError
 from openprc.schema import units
 from openprc.schema.atomic import PARTIAL, atomic_file
+from openprc.schema.damage import damage_named
 from openprc.schema.digest import checksum
 from openprc.schema.layout import CHECKSUM, match
 from openprc.schema.provenance import (
@@ -273,17 +274,14 @@ def repair(
         file.visititems(
             lambda path, item: paths.append(path) if isinstance(item, h5py.Dataset) else None
         )
-        for path in paths:
-            rule = match(f"/{path}")
-            if rule is not None and rule[0].shape[:1] == ("T",):
-                file[path].resize(rows, axis=0)
-                file[path].attrs[CHECKSUM] = np.int64(checksum(file[path][()]))
+        for path in filter(_grows, paths):
+            file[path].attrs[CHECKSUM] = np.int64(checksum(file[path][()]))
         file["committed"][()] = rows
         file["time_series/time"].attrs.update(describe_time(file["time_series/time"][()]))
         if status != "complete":  # else it was killed between the last frame and the rename
             file.attrs["status"] = "interrupted"
 
-    return _derive(source, Path(target), truncate, overwrite=overwrite)
+    return _derive(source, Path(target), truncate, overwrite=overwrite, rows=rows)
 
 
 def _derive(
@@ -295,6 +293,7 @@ def _derive(
     overwrite: bool,
     verify: Callable[[Path], None] | None = None,
     repack: bool = False,
+    rows: int | None = None,
 ) -> Path:
     with Trajectory(source, allow_incomplete=True) as trajectory:
         old = trajectory.provenance
@@ -303,7 +302,7 @@ def _derive(
             raw = temporary.with_name(temporary.name + ".raw") if repack else temporary
             try:
                 with h5py.File(raw, "w") as file:
-                    _copy(trajectory, file)
+                    _copy(trajectory, file, rows)
                     change(file)
                     file.attrs.update({"run_id": new_run_id(), "created": now()})
                     listed = [Source(**row) for row in old.get("inputs", [])]
@@ -322,9 +321,31 @@ def _derive(
     return target
 
 
-def _copy(trajectory: Trajectory, file: h5py.File) -> None:
+def _copy(trajectory: Trajectory, file: h5py.File, rows: int | None) -> None:
     # The reader has walked and trusts its file; nothing else may be copied from.
-    _copy_all(trajectory._file, file)
+    if rows is None:
+        _copy_all(trajectory._file, file)
+        return
+
+    def copy(path: str, item: h5py.HLObject) -> None:
+        if isinstance(item, h5py.Group):
+            made = file.require_group(path)
+        elif _grows(path):
+            # What lies beyond the committed rows may be damaged, and is not touched.
+            made = file.create_dataset(path, data=item[:rows])
+        else:
+            trajectory._file.copy(path, file, path)
+            return
+        made.attrs.update(dict(item.attrs))
+
+    with damage_named(trajectory.path):
+        trajectory._file.visititems(copy)
+    file.attrs.update(dict(trajectory._file.attrs))
+
+
+def _grows(path: str) -> bool:
+    rule = match(f"/{path}")
+    return rule is not None and rule[0].shape[:1] == ("T",)
 
 
 def _copy_all(source: h5py.File, target: h5py.File) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from openprc.schema.damage import damage_named
 from openprc.schema.results import read_result
 from openprc.schema.safety import open_hdf5
 from openprc.schema.trajectory import Trajectory
@@ -24,10 +25,10 @@ def describe(path: str | Path) -> dict[str, Any]:
         When it is a file of the contract that breaks it.
     """
     path = Path(path)
-    with open_hdf5(path, allow_references=True, allow_vlen=True) as file:
+    with open_hdf5(path, allow_references=True, allow_vlen=True) as file, damage_named(path):
         kind = str(file.attrs.get("kind", "")) if "openprc_schema" in file.attrs else ""
     if kind == "trajectory":
-        with Trajectory(path, allow_incomplete=True) as trajectory:
+        with damage_named(path), Trajectory(path, allow_incomplete=True) as trajectory:
             return _trajectory(trajectory)
     if kind in ("readout", "metrics", "optimization"):
         result = read_result(path)
@@ -50,7 +51,7 @@ def _foreign(path: Path, kind: str) -> dict[str, Any]:
         if isinstance(item, h5py.Dataset):
             datasets[name] = f"{item.shape} {item.dtype}"
 
-    with open_hdf5(path, allow_references=True, allow_vlen=True) as file:
+    with open_hdf5(path, allow_references=True, allow_vlen=True) as file, damage_named(path):
         attributes = {name: str(value) for name, value in file.attrs.items()}
         file.visititems(visit)
     return {

@@ -67,6 +67,13 @@ def _text(value: Any = "") -> str:
     return value
 
 
+def _bytes(*arguments: Any) -> bytes:
+    # Old protocols write empty bytes as a call; bytes(n) would be n bytes of memory.
+    if arguments:
+        raise pickle.UnpicklingError("bytes made of something")
+    return b""
+
+
 def _encode(text: str, encoding: str = "utf-8") -> bytes:
     return codecs.encode(text, encoding if encoding in ("latin1", "latin-1") else "utf-8")
 
@@ -84,6 +91,7 @@ def _allowed() -> dict[str, Any]:
         for kind in (list, dict, tuple, set, frozenset, int, float, bool, complex):
             names[f"{module}.{kind.__name__}"] = kind
         names[f"{module}.str"] = _text
+        names[f"{module}.bytes"] = _bytes
     for core in ("numpy.core", "numpy._core"):
         names[f"{core}.multiarray._reconstruct"] = _reconstruct
         names[f"{core}.multiarray.scalar"] = _scalar

@@ -20,6 +20,7 @@ import numpy as np
 from openprc import __version__
 from openprc.errors import SchemaError, UnreadableFile
 from openprc.schema.plain_text import storable
+from openprc.schema.units import UNITS
 
 #: Row of /provenance/inputs.
 SOURCE_DTYPE = np.dtype(
@@ -182,8 +183,13 @@ def now() -> str:
 def typed_command(arguments: list[str] | None = None) -> str:
     """Return the command line with every path cut down to its base name."""
     words = sys.argv if arguments is None else arguments
-    short = [re.sub(r"(?:[A-Za-z]:)?[^\s=,]*[/\\](?=[^/\\]+$)", "", word) for word in words]
-    return " ".join(short)
+    return " ".join(_without_folders(word) for word in words)
+
+
+def _without_folders(word: str) -> str:
+    """Return ``PATH`` or ``KEY=PATH`` without the folders; units such as N/m stay as they are."""
+    parts = [part.rstrip("/\\") if part not in UNITS else part for part in word.split("=")]
+    return "=".join(part if part in UNITS else re.split(r"[/\\]", part)[-1] for part in parts)
 
 
 def write_provenance(

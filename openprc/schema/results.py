@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from openprc.errors import MissingData, SchemaError
 from openprc.schema.atomic import atomic_file
+from openprc.schema.damage import damage_named
 from openprc.schema.layout import KINDS, SCHEMA_VERSION
 from openprc.schema.provenance import (
     Provenance,
@@ -177,7 +178,7 @@ def read_result(path: str | Path) -> Result:
     path = Path(path)
     attrs: dict[str, Any] = {}
     arrays: dict[str, NDArray[Any]] = {}
-    with open_hdf5(path) as file:
+    with open_hdf5(path) as file, damage_named(path):
         check_version(file, path)
         kind = str(file.attrs.get("kind", ""))
         if kind not in KINDS or kind == "trajectory":

@@ -8,12 +8,14 @@ that may pass. Archives and pickles are handled in `openprc.schema.archives` and
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
 
 from openprc.errors import UnreadableFile, UnsafeFile
 from openprc.schema.archives import load_npz, npz_headers
+from openprc.schema.damage import DAMAGE
 from openprc.schema.pickles import PicklePreview, load_pickle, preview_pickle
 
 __all__ = [
@@ -110,10 +112,12 @@ def open_hdf5(
     allow_references: bool = False,
     allow_vlen: bool = False,
     allow_soft_links: bool = False,
+    unfinished: bool = False,
 ) -> h5py.File:
     """Open an HDF5 file read-only after a walk over every link in it.
 
-    The caller closes the file.
+    The caller closes the file. Of an `unfinished` file of the contract only the rows below
+    ``/committed`` have to be there: a killed writer may have announced more.
 
     Raises
     ------
@@ -155,8 +159,9 @@ def open_hdf5(
             references=allow_references,
             vlen=allow_vlen,
             soft=allow_soft_links,
+            committed=_committed(file) if unfinished else None,
         )
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+    except DAMAGE as error:
         # Damaged metadata surfaces here as any of these, depending on which byte was hit.
         file.close()
         raise UnreadableFile(
@@ -176,7 +181,24 @@ def _reason(error: Exception) -> str:
     return text.splitlines()[0] if text else type(error).__name__
 
 
-def _walk(file: h5py.File, path: Path, *, references: bool, vlen: bool, soft: bool) -> None:
+def _committed(file: h5py.File) -> int | None:
+    # Read before the walk, so nothing that leads elsewhere may be followed here.
+    if not isinstance(file.get("committed", getlink=True), h5py.HardLink):
+        return None
+    item = file["committed"]
+    plain = isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external
+    return int(item[()]) if plain and item.shape == () and item.dtype.kind == "i" else None
+
+
+def _walk(
+    file: h5py.File,
+    path: Path,
+    *,
+    references: bool,
+    vlen: bool,
+    soft: bool,
+    committed: int | None,
+) -> None:
     seen: set[int] = set()
     pending: list[tuple[h5py.Group, int]] = [(file, 0)]
     count = 0
@@ -206,6 +228,7 @@ def _walk(file: h5py.File, path: Path, *, references: bool, vlen: bool, soft: bo
                 pending.append((item, depth + 1))
             elif isinstance(item, h5py.Dataset):
                 _check_dataset(item, path, where, references=references, vlen=vlen)
+                _check_size(item, path, where, committed)
 
 
 def _check_dataset(
@@ -227,19 +250,36 @@ def _check_dataset(
                 file=path,
                 key=where,
             )
+
+
+def _check_size(item: h5py.Dataset, path: Path, where: str, committed: int | None) -> None:
     if item.shape is None or item.size == 0:
         return
     declared = item.size * item.dtype.itemsize
     if declared <= SMALL:
         return
+    if committed is not None and item.maxshape[0] is None and item.chunks[1:] == item.shape[1:]:
+        lost = _first_row_not_there(item, committed)
+        if lost is not None:
+            raise _unsafe(path, where, f"row {lost} is committed and was never written")
+        return
     stored = item.id.get_storage_size()
-    ratio = MAX_RATIO if plist.get_nfilters() else 1
+    ratio = MAX_RATIO if item.id.get_create_plist().get_nfilters() else 1
     if stored * ratio < declared:
         raise _unsafe(
             path,
             where,
             f"claims {declared:,} bytes and holds {stored:,}; the rest would read as zeros",
         )
+
+
+def _first_row_not_there(item: h5py.Dataset, committed: int) -> int | None:
+    there: set[int] = set()
+    # The part of the index that the killed writer was at may be damaged; the rest counts.
+    with suppress(*DAMAGE):
+        item.id.chunk_iter(lambda chunk: there.add(chunk.chunk_offset[0]))
+    rows = range(0, min(committed, item.shape[0]), item.chunks[0])
+    return next((row for row in rows if row not in there), None)
 
 
 def _check_dtype(dtype: object, path: Path, where: str, *, references: bool, vlen: bool) -> None:

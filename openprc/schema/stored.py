@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import MissingData, SchemaError, UnreadableFile
+from openprc.errors import MissingData, SchemaError
 from openprc.schema import units
+from openprc.schema.damage import damage_named
 
 Frames = slice
 ALL = slice(None)
@@ -44,11 +45,13 @@ class StoredData:
     _file: h5py.File
 
     def _names(self, group: str) -> tuple[str, ...]:
-        found = self._file.get(group)
-        return tuple(found) if isinstance(found, h5py.Group) else ()
+        with damage_named(self.path, group):
+            found = self._file.get(group)
+            return tuple(found) if isinstance(found, h5py.Group) else ()
 
     def _get(self, path: str) -> h5py.Dataset:
-        item = self._file.get(path)
+        with damage_named(self.path, path):
+            item = self._file.get(path)
         if not isinstance(item, h5py.Dataset):
             owner = path.rpartition("/")[0]
             there = self._names(owner)
@@ -87,17 +90,8 @@ class StoredData:
         )
 
     def _read(self, path: str, item: Any, selection: Any) -> Any:
-        try:
+        with damage_named(self.path, path):
             return item[selection]
-        except (OSError, RuntimeError, ValueError, TypeError) as error:
-            # A checksum that does not match, a block cut off, or a type that is none.
-            raise UnreadableFile(
-                f"the data cannot be read: {' '.join(str(error).split())}",
-                expected="data as they were written",
-                fix="copy the file again from where it was made",
-                file=self.path,
-                key=path,
-            ) from error
 
     def _convert(self, path: str, data: NDArray[Any], unit: str | None) -> NDArray[np.float64]:
         values: NDArray[np.float64] = data.astype("f8", copy=False)
@@ -109,12 +103,15 @@ class StoredData:
 
     def _attr(self, path: str, name: str) -> Any:
         item = self._get(path)
-        if name not in item.attrs:
-            raise self._missing(f"{path}@{name}", "every such dataset has it", "write it again")
-        return item.attrs[name]
+        with damage_named(self.path, f"{path}@{name}"):
+            if name in item.attrs:
+                return item.attrs[name]
+        raise self._missing(f"{path}@{name}", "every such dataset has it", "write it again")
 
     def _strings(self, path: str, name: str) -> tuple[str, ...]:
-        values = np.atleast_1d(self._get(path).attrs.get(name, ()))
+        owner = self._get(path)
+        with damage_named(self.path, f"{path}@{name}"):
+            values = np.atleast_1d(owner.attrs.get(name, ()))
         return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values)
 
     def _missing(

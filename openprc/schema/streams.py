@@ -117,7 +117,8 @@ class StreamSet:
             dataset = self._file.create_dataset(
                 stream.path,
                 shape=(0, *stream.row),
-                maxshape=(None, *stream.row),
+                # HDF5 has no chunks along a fixed axis of length 0: no element of a kind.
+                maxshape=(None, *(size or None for size in stream.row)),
                 chunks=(rows, *(max(1, size) for size in stream.row)),
                 dtype=stream.dtype,
             )

@@ -14,9 +14,9 @@ from openprc.errors import (
     IncompleteFile,
     MissingInputError,
     SchemaError,
-    UnreadableFile,
 )
 from openprc.schema.clock import Clock
+from openprc.schema.damage import damage_named
 from openprc.schema.digest import content_digest
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
@@ -52,17 +52,10 @@ class Trajectory(Clock):
 
     def __init__(self, path: str | Path, *, allow_incomplete: bool = False) -> None:
         self.path = Path(path)
-        self._file = open_hdf5(self.path)
+        self._file = open_hdf5(self.path, unfinished=allow_incomplete)
         try:
-            self._begin(allow_incomplete=allow_incomplete)
-        except (OSError, RuntimeError, ValueError, TypeError, LookupError) as error:
-            self._file.close()
-            raise UnreadableFile(
-                f"its envelope is damaged: {' '.join(str(error).split())}",
-                expected="root attributes and a counter as the contract has them",
-                fix="copy or export the file again",
-                file=self.path,
-            ) from error
+            with damage_named(self.path):
+                self._begin(allow_incomplete=allow_incomplete)
         except BaseException:
             self._file.close()
             raise
@@ -295,15 +288,13 @@ class Trajectory(Clock):
                 key="/inputs",
             )
         base = f"/inputs/{name}"
-        attrs = self._get(base + "/value").attrs
-        sequence = self._file.get(base + "/sequence")
-        held = isinstance(sequence, h5py.Dataset)
+        held = "sequence" in self._names(base)
         return InputSignal(
             name=name,
             value=self._series(base + "/value", ALL).astype("f8", copy=False),
             columns=self._strings(base + "/value", "columns"),
-            unit=str(attrs.get("unit", "arb")),
-            quantity=str(attrs.get("quantity", "")),
+            unit=str(self._attr(base + "/value", "unit")),
+            quantity=str(self._attr(base + "/value", "quantity")),
             targets=self._strings(base + "/value", "targets"),
             sequence=self._static(base + "/sequence", None) if held else None,
             hold=float(self._attr(base + "/sequence", "hold")) if held else None,
@@ -324,7 +315,8 @@ class Trajectory(Clock):
     @property
     def provenance(self) -> dict[str, Any]:
         """Where the file came from, as plain values."""
-        return read_provenance(self._file)
+        with damage_named(self.path, "/provenance"):
+            return read_provenance(self._file)
 
     def unit(self, path: str) -> str:
         """Return the unit of a dataset, named by its path in the file.
@@ -342,7 +334,8 @@ class Trajectory(Clock):
 
     def content_digest(self) -> str:
         """Return a SHA-256 of all data; see `openprc.schema.digest.content_digest`."""
-        return content_digest(self._file)
+        with damage_named(self.path):
+            return content_digest(self._file)
 
 
 __all__ = ["InputSignal", "Trajectory"]

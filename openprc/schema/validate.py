@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from openprc.errors import OpenPRCError, SchemaError, SchemaTooNew, SchemaTooOld, UnsafeFile
+from openprc.schema.damage import DAMAGE
 from openprc.schema.findings import LEVELS, Finding, Level
 from openprc.schema.safety import open_hdf5
 from openprc.schema.version import NewerSchemaWarning, check_version
@@ -17,9 +18,6 @@ from openprc.schema.view import View
 
 Profile = Literal["default", "benchmark", "archive"]
 PROFILES: tuple[Profile, ...] = get_args(Profile)
-
-#: What reading a damaged file raises, depending on which byte was hit.
-_DAMAGE = (OSError, RuntimeError, ValueError, TypeError, LookupError, MemoryError)
 
 #: What a check yields: path, found, expected, fix.
 Complaint = tuple[str, str, str, str]
@@ -151,7 +149,7 @@ def validate_file(path: str | Path, *, profile: Profile = "default") -> Report:
         except SchemaError as error:
             known = isinstance(error, SchemaTooNew | SchemaTooOld)
             return Report(path, profile, (_opening("OPS-F03" if known else "OPS-F04", error),))
-        except _DAMAGE as error:
+        except DAMAGE as error:
             return Report(path, profile, (_unreadable("version", error),))
         findings += [
             Finding("OPS-F03", "warning", "/", str(w.message), "", "update openprc")
@@ -170,7 +168,7 @@ def validate_file(path: str | Path, *, profile: Profile = "default") -> Report:
 def _run(item: Check, view: View) -> list[Finding]:
     try:
         return [Finding(item.code, item.level, *complaint) for complaint in item.function(view)]
-    except _DAMAGE as error:
+    except DAMAGE as error:
         # HDF5 reports a checksum that does not match, or a block cut off, while reading; types
         # and shapes that no check expects come from files that other checks refuse.
         return [_unreadable(item.code, error)]

@@ -255,7 +255,7 @@ def set_time(file):
         (set_unit, "OPS-L07: unknown unit 'furlong'", "/time_series/nodes/positions"),
         (set_indices, "OPS-E01: node 9", "/topology/bars/indices"),
         (set_extension, "OPS-X01: attribute version is missing", "/extensions/openprc-fake"),
-        (set_time, "OPS-N09: the checksum", "/time_series/time"),
+        (set_time, "OPS-T01: nan at frame 1", "/time_series/time"),
     ],
 )
 def test_an_invalid_result_is_refused_by_code(bring, out, change, words, key):
