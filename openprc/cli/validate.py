@@ -38,7 +38,7 @@ def command(
 
     Exit code 0: no error. 1: a file breaks the contract. 2: a file cannot be read.
     """
-    reports = [validate_run(path, profile=profile) for path in paths]
+    reports = [validate_run(path, profile=profile, apart=True) for path in paths]
     if as_json:
         data = [
             {**report.as_dict(), "findings": [f.as_dict() for f in report.at_least(level)]}

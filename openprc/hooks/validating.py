@@ -8,6 +8,7 @@ from pathlib import Path
 from openprc.errors import OpenPRCError
 from openprc.hooks.faults import owned_by
 from openprc.hooks.registry import Registered, Registry, default_registry
+from openprc.schema.apart import validate_apart
 from openprc.schema.findings import LEVELS, Finding
 from openprc.schema.trajectory import Trajectory
 from openprc.schema.validate import Profile, Report, validate_file
@@ -18,6 +19,7 @@ def validate_run(
     *,
     profile: Profile = "default",
     registry: Registry | None = None,
+    apart: bool = False,
 ) -> Report:
     """Check a trajectory against the contract, and its extensions by their plugins.
 
@@ -26,6 +28,8 @@ def validate_run(
     path : path-like
     profile : {"default", "benchmark", "archive"}
     registry : Registry, optional
+    apart : bool
+        Read the file in a process of its own first, which a damaged one may crash.
 
     Returns
     -------
@@ -34,7 +38,7 @@ def validate_run(
         ``OPS-X02`` for a subtree that no installed plugin checks, and ``OPS-X03`` for a check
         that failed itself.
     """
-    report = validate_file(path, profile=profile)
+    report = (validate_apart if apart else validate_file)(path, profile=profile)
     if not report.ok:
         # The plugins' checks may rely on a file that keeps the contract.
         return report

@@ -46,6 +46,7 @@ OPENING: dict[str, str] = {
     "OPS-F03": "the file follows a version of the contract that is understood",
     "OPS-F04": "the file says that it follows the contract",
     "OPS-F05": "the data can be read and match their checksums",
+    "OPS-F06": "the HDF5 library does not crash on the file (`openprc validate`)",
 }
 
 

@@ -9,7 +9,7 @@ from openprc.schema.provenance import typed_command
     ("word", "stored"),
     [
         ("import", "import"),
-        ("/home/somebody/run.mat", "run.mat"),
+        ("/data/somebody/run.mat", "run.mat"),
         ("../data/run.mat", "run.mat"),
         ("~/runs/export/", "export"),
         ("urdf=/models/arm.urdf", "urdf=arm.urdf"),
