@@ -123,7 +123,7 @@ GADGETS = {
     "builtins.exec": (Gadget(exec, "open('{marker}', 'w')"), r"builtins\.exec"),
     "builtins.open": (Gadget(open, "{marker}", "w"), r"io\.open|builtins\.open"),
     "getattr": (Gadget(getattr, np, "load"), r"builtins\.getattr"),
-    "path": (Path("x"), r"pathlib\.PosixPath|pathlib\.WindowsPath"),
+    "path": (Path("x"), r"pathlib\.(_local\.)?(PosixPath|WindowsPath)"),
     "memmap": (Gadget(np.memmap, "{marker}", "f8", "w+", 0, (3,)), r"numpy\.memmap"),
     "fromfile": (Gadget(np.fromfile, "/etc/hostname"), r"fromfile"),
     "bytearray": (Gadget(bytearray, 10), r"builtins\.bytearray"),

@@ -259,9 +259,12 @@ def test_damaged_bodies(pb_import, write_log, robot_header, robot_record, make, 
         ({"t0": float("nan")}, ConfigError, "finite time"),
     ],
 )
-def test_wrong_options(pb_import, data, options, kind, words):
+def test_wrong_options(pb_import, data, tmp_path, monkeypatch, options, kind, words):
+    # A file of that name, so that the options are judged with and without pybullet_data.
+    (tmp_path / "r2d2.urdf").write_text("<robot/>")
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(kind, match=words):
-        pb_import(data / "r2d2_drive_all.log", **options)
+        pb_import((data / "r2d2_drive_all.log").resolve(), **options)
 
 
 def test_wrong_model(pb_import, data, tmp_path, bullet):
