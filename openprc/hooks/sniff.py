@@ -11,7 +11,7 @@ from openprc.errors import AmbiguousFile, NoImporter, OpenPRCError, UnreadableFi
 from openprc.hooks.faults import debugging, reason
 from openprc.hooks.registry import Registered, Registry, missing_packages
 from openprc.hooks.specs import ProducerSpec
-from openprc.schema.safety import check_readable, is_hdf5, open_hdf5
+from openprc.schema.safety import check_readable, is_hdf5, npz_headers, open_hdf5
 
 #: An importer that is less sure than this does not claim the file.
 THRESHOLD = 0.5
@@ -69,7 +69,7 @@ def choose_importer(path: Path, *, registry: Registry, as_name: str | None = Non
         verdicts += [_ask(registry, item, path) for item in importers if item not in likely]
     best = max((verdict.score for verdict in verdicts), default=0.0)
     if best < THRESHOLD:
-        _explain_hdf5(path)
+        _explain_container(path)
         raise _nobody(path, verdicts, registry)
     winners = [verdict for verdict in verdicts if verdict.score == best]
     if len(winners) > 1:
@@ -83,8 +83,8 @@ def choose_importer(path: Path, *, registry: Registry, as_name: str | None = Non
     return Choice(winners[0].item, best, tuple(verdicts))
 
 
-def _explain_hdf5(path: Path) -> None:
-    """Raise what keeps an HDF5 file from being imported, if that can be told without a plugin.
+def _explain_container(path: Path) -> None:
+    """Raise what keeps HDF5 or .npz from being imported, if that can be told without a plugin.
 
     Raises
     ------
@@ -93,7 +93,11 @@ def _explain_hdf5(path: Path) -> None:
     NoImporter
         When it is a file of this package.
     """
-    if path.is_dir() or not is_hdf5(path):
+    if path.is_dir():
+        return
+    if path.suffix.lower() == ".npz":
+        npz_headers(path)
+    if not is_hdf5(path):
         return
     with open_hdf5(path, allow_references=True, allow_vlen=True, allow_soft_links=True) as file:
         kind = file.attrs.get("kind") if "openprc_schema" in file.attrs else None

@@ -308,6 +308,10 @@ class Trajectory(Clock):
         """Distributions that have a subtree of their own."""
         return self._names("extensions")
 
+    def extension_names(self, distribution: str) -> tuple[str, ...]:
+        """Return the names of what a distribution's own subtree holds."""
+        return self._names(f"extensions/{distribution}")
+
     def extension(self, distribution: str, name: str) -> NDArray[Any]:
         """Return an array of a distribution's own subtree, as stored."""
         return self._static(f"/extensions/{distribution}/{name}", None)

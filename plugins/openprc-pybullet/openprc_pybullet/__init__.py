@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from openprc.hooks import OptionSpec, ProducerSpec, hookimpl
+from openprc.hooks import ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
 
 OPENPRC_PLUGIN_API = "1.0"
 
@@ -79,5 +79,17 @@ def openprc_producers() -> list[ProducerSpec]:
             citation="E. Coumans and Y. Bai, PyBullet, a Python module for physics simulation "
             "for games, robotics and machine learning, https://pybullet.org, 2016-2021",
             sample="openprc_pybullet.samples:write_sample",
+        )
+    ]
+
+
+@hookimpl
+def openprc_extensions() -> list[ExtensionSpec]:
+    """Offer the check of the plugin's own subtree."""
+    return [
+        ExtensionSpec(
+            name="openprc-pybullet",
+            summary="Body and link of every node, names of joints",
+            load="openprc_pybullet.extension:check",
         )
     ]

@@ -1,6 +1,6 @@
 """PyElastica as a source of trajectories: reads what the callbacks of a script saved."""
 
-from openprc.hooks import OptionSpec, ProducerSpec, hookimpl
+from openprc.hooks import ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
 
 OPENPRC_PLUGIN_API = "1.0"
 
@@ -72,5 +72,17 @@ def openprc_producers() -> list[ProducerSpec]:
             citation="Gazzola et al. 2018, doi:10.1098/rsos.171628; "
             "Naughton et al. 2021, doi:10.1109/LRA.2021.3063698",
             sample="openprc_pyelastica.samples:write_sample",
+        )
+    ]
+
+
+@hookimpl
+def openprc_extensions() -> list[ExtensionSpec]:
+    """Offer the check of the plugin's own subtree."""
+    return [
+        ExtensionSpec(
+            name="openprc-pyelastica",
+            summary="Cosserat quantities as PyElastica saved them",
+            load="openprc_pyelastica.extension:check",
         )
     ]
