@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from openprc import __version__
 from openprc.demlat.models.barhinge.model import BACKENDS, Backend, BarHingeModel
-from openprc.demlat.producer import DemlatProducer, refuse_unsupported
+from openprc.demlat.producer import DemlatProducer
 from openprc.demlat.simulation import Simulation
 from openprc.errors import ConfigError
-from openprc.schema.provenance import Provenance
-from openprc.schema.writer import TrajectoryWriter
+from openprc.hooks.running import silent, simulate
+from openprc.schema.provenance import Provenance, typed_command
 
 if TYPE_CHECKING:
     from openprc.hooks.protocols import Progress
@@ -96,29 +96,26 @@ class Engine:
             simulation = Simulation(simulation)
         experiment = simulation.experiment
         producer = DemlatProducer(model=self.model, backend=self.backend)
-        # Before anything is created.
-        refuse_unsupported(producer.supports(experiment), producer="demlat")
         provenance = Provenance(
             "demlat",
             producer_version=__version__,
             plugin_version=__version__,
+            command=typed_command(),
             deterministic=True,
             config=experiment.settings(),
         )
-        with TrajectoryWriter(
-            simulation.result_path,
+        notes, _ = simulate(
+            experiment,
+            producer,
+            target=simulation.result_path,
             provenance=provenance,
+            owner="openprc/demlat",
             overwrite=experiment.overwrite if overwrite is None else overwrite,
-        ) as writer:
-            for source in experiment.sources:
-                writer.add_source(source, role="experiment")
-            if progress is None:
-                producer.run(experiment, writer)
-            else:
-                producer.run(experiment, writer, progress=progress)
+            progress=progress or silent,
+        )
         return RunResult(
             path=simulation.result_path,
-            n_frames=writer.n_frames,
+            n_frames=experiment.n_frames,
             wall_time=time.perf_counter() - began,
-            notes=writer.notes,
+            notes=notes,
         )

@@ -10,7 +10,7 @@ import numpy as np
 from openprc.demlat import observables
 from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
 from openprc.demlat.signals import sample_signal
-from openprc.errors import UnsupportedScene
+from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
 
 if TYPE_CHECKING:
@@ -26,10 +26,6 @@ ENERGIES = {
     "work_in": "work_in",
     "dissipated": "dissipated",
 }
-
-
-def _silent(fraction: float, message: str) -> None:
-    del fraction, message
 
 
 class DemlatProducer:
@@ -57,7 +53,7 @@ class DemlatProducer:
         writer: TrajectoryWriter,
         *,
         seed: int | None = None,
-        progress: Progress = _silent,
+        progress: Progress = silent,
     ) -> None:
         """Simulate `experiment` and append every frame, t = 0 first.
 
@@ -84,25 +80,6 @@ class DemlatProducer:
             done = first + len(block.kinetic)
             time = (done - 1) * experiment.save_interval
             progress(done / n_frames, f"t = {time:g} s of {experiment.duration:g} s")
-
-
-def refuse_unsupported(findings: Sequence[Finding], *, producer: str) -> None:
-    """Raise `UnsupportedScene` with every finding of level "error"."""
-    errors = [finding for finding in findings if finding.level == "error"]
-    if not errors:
-        return
-    if len(errors) == 1:
-        only = errors[0]
-        raise UnsupportedScene(only.found, expected=only.expected, fix=only.fix, key=only.path)
-    lines = "".join(
-        f"\n  - {item.path}: {item.found}; expected {item.expected} ({item.fix})" for item in errors
-    )
-    raise UnsupportedScene(
-        f"{producer} cannot model {len(errors)} things in this scene{lines}",
-        expected="a scene without them",
-        fix="change them as said above, or use another producer",
-        key=", ".join(dict.fromkeys(item.path for item in errors)),
-    )
 
 
 class _Recorder:

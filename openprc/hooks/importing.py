@@ -17,6 +17,7 @@ from openprc.hooks.validating import validate_run
 from openprc.schema.findings import Finding
 from openprc.schema.provenance import Provenance, typed_command
 from openprc.schema.trajectory import Trajectory
+from openprc.schema.validate import validate_file
 from openprc.schema.writer import TrajectoryWriter
 
 
@@ -142,15 +143,19 @@ def _nameless(value: Any) -> Any:
     return value
 
 
-def refuse_invalid(partial: Path, final: Path, registry: Registry) -> tuple[Finding, ...]:
+def refuse_invalid(partial: Path, final: Path, registry: Registry | None) -> tuple[Finding, ...]:
     """Validate a finished file before it gets its final name; return what is not an error.
+
+    With a registry the checks of its plugins count, too.
 
     Raises
     ------
     SchemaError
         Naming the first error.
     """
-    report = validate_run(partial, registry=registry)
+    report = (
+        validate_file(partial) if registry is None else validate_run(partial, registry=registry)
+    )
     errors = [finding for finding in report.findings if finding.level == "error"]
     if errors:
         first = errors[0]

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from openprc.errors import UnsupportedScene
 from openprc.hooks.faults import owned_by
 from openprc.hooks.importing import ProducedRun, describe_run, refuse_invalid
-from openprc.hooks.protocols import Progress
+from openprc.hooks.protocols import Progress, Runner
 from openprc.hooks.registry import Registry, default_registry
 from openprc.schema.experiment import load_experiment
 from openprc.schema.findings import Finding
 from openprc.schema.provenance import Provenance, typed_command
 from openprc.schema.writer import TrajectoryWriter
 
+if TYPE_CHECKING:
+    from openprc.schema.experiment import Experiment
 
-def _silent(fraction: float, message: str) -> None:
+
+def silent(fraction: float, message: str) -> None:
     """Take progress and show nothing."""
 
 
@@ -27,7 +32,7 @@ def run_experiment(
     producer: str = "demlat",
     seed: int | None = None,
     overwrite: bool = False,
-    progress: Progress = _silent,
+    progress: Progress = silent,
     registry: Registry | None = None,
 ) -> ProducedRun:
     """Simulate the experiment in `folder` and return the finished run.
@@ -64,20 +69,6 @@ def run_experiment(
     experiment = load_experiment(folder)
     home = experiment.path or folder  # `folder` may be the input folder itself
     target = Path(out) if out is not None else home / "output" / "simulation.h5"
-    with owned_by(item.qualified_name, "looking at the scene", file=str(folder)):
-        remarks = list(runner.supports(experiment))
-        for remark in remarks:
-            if not isinstance(remark, Finding):
-                raise TypeError(f"supports() returned a {type(remark).__name__}, not a Finding")
-    for finding in remarks:
-        if finding.level == "error":
-            raise UnsupportedScene(
-                f"{item.name} cannot model it: {finding.found}",
-                expected=finding.expected,
-                fix=finding.fix,
-                file=folder,
-                key=finding.path,
-            )
     provenance = Provenance(
         item.name,
         producer_version=item.version,
@@ -89,20 +80,99 @@ def run_experiment(
         deterministic=True if item.distribution == "openprc" else None,
         config=experiment.settings(),
     )
-    findings: list[Finding] = remarks
+    notes, findings = simulate(
+        experiment,
+        runner,
+        target=target,
+        provenance=provenance,
+        owner=item.qualified_name,
+        seed=seed,
+        overwrite=overwrite or experiment.overwrite,
+        progress=progress,
+        registry=registry,
+    )
+    return describe_run(
+        target, item, confidence=1.0, notes=notes, findings=findings,
+        seconds=time.perf_counter() - started,
+    )  # fmt: skip
+
+
+def simulate(
+    experiment: Experiment,
+    runner: Runner,
+    *,
+    target: Path,
+    provenance: Provenance,
+    owner: str,
+    seed: int | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    registry: Registry | None = None,
+) -> tuple[tuple[str, ...], list[Finding]]:
+    """Let a runner simulate an experiment into `target`; every run goes through here.
+
+    Parameters
+    ----------
+    owner : str
+        Whose code the runner is, for errors.
+    registry : Registry, optional
+        Whose checks of extensions the result has to pass, too.
+
+    Returns
+    -------
+    notes, findings
+        Remarks of the runner, and what the scene and the result gave rise to.
+
+    Raises
+    ------
+    UnsupportedScene, PluginError, Diverged, SchemaError
+        See `run_experiment`.
+    """
+    scene = None if experiment.path is None else str(experiment.path)
+    with owned_by(owner, "looking at the scene", file=scene):
+        findings = list(runner.supports(experiment))
+        for remark in findings:
+            if not isinstance(remark, Finding):
+                raise TypeError(f"supports() returned a {type(remark).__name__}, not a Finding")
+    refuse_unsupported(findings, producer=provenance.producer, file=scene)
     with (
         TrajectoryWriter(
             target,
             provenance=provenance,
-            overwrite=overwrite or experiment.overwrite,
+            overwrite=overwrite,
             verify=lambda partial: findings.extend(refuse_invalid(partial, target, registry)),
         ) as writer,
-        owned_by(item.qualified_name, "running", file=str(folder)),
+        owned_by(owner, "running", file=scene),
     ):
         for source in experiment.sources:
             writer.add_source(source, role=source.stem)
         runner.run(experiment, writer, seed=seed, progress=progress)
-    return describe_run(
-        target, item, confidence=1.0, notes=writer.notes, findings=findings,
-        seconds=time.perf_counter() - started,
-    )  # fmt: skip
+    return writer.notes, findings
+
+
+def refuse_unsupported(
+    findings: Sequence[Finding], *, producer: str, file: str | None = None
+) -> None:
+    """Raise `UnsupportedScene` with every finding of level "error"."""
+    errors = [finding for finding in findings if finding.level == "error"]
+    if not errors:
+        return
+    if len(errors) == 1:
+        only = errors[0]
+        raise UnsupportedScene(
+            f"{producer} cannot model it: {only.found}",
+            expected=only.expected,
+            fix=only.fix,
+            file=file,
+            key=only.path,
+        )
+    lines = "".join(
+        f"\n  - {item.path}: {item.found}; expected {item.expected} ({item.fix})" for item in errors
+    )
+    raise UnsupportedScene(
+        f"{producer} cannot model {len(errors)} things in this scene{lines}",
+        expected="a scene without them",
+        fix="change them as said above, or use another producer",
+        file=file,
+        key=", ".join(dict.fromkeys(item.path for item in errors)),
+    )
