@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -252,14 +252,6 @@ def availability(spec: ProducerSpec) -> str:
     if len(lost) == len(spec.capabilities):
         return f"unavailable: needs {needs}"
     return f"partly: {', '.join(lost)} needs {needs}"
-
-
-def installed_version(distribution: str) -> str:
-    """Return the version of an installed distribution, or ``unknown``."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 @cache

@@ -1,7 +1,7 @@
 """Validation in a process of its own, because HDF5 can crash on damaged files.
 
-Of files with a few random bytes changed, about two in a thousand end the process that opens them
-inside the HDF5 library, where no exception can be caught. A forked child takes the blow.
+Now and then a few changed bytes of metadata end the process that opens the file inside the HDF5
+library, where no exception can be caught. A forked child takes the blow.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from experiments import write_spring
 
 from openprc.cli.main import main
 from openprc.hooks import ProducerSpec, default_registry, discovery, hookimpl
 from openprc.schema import Provenance, TrajectoryWriter
-from openprc.schema.experiment import Actuator, Bars, Experiment, Geometry, Signal, save_experiment
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -185,21 +185,7 @@ def partial_file(make_file, tmp_path):
 @pytest.fixture
 def experiment_folder(tmp_path):
     """A folder with two nodes on a spring, one of them driven: 11 frames."""
-    folder = tmp_path / "spring"
-    experiment = Experiment(
-        geometry=Geometry(
-            positions=[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]],
-            masses=[1.0, 1.0],
-            bars=Bars(indices=[[0, 1]], stiffness=[100.0], rest_length=[1.0]),
-        ),
-        duration=0.1,
-        dt=0.001,
-        save_interval=0.01,
-        signals={"u": Signal(name="u", values=np.linspace(0.0, 0.1, 11), dt=0.01, unit="m")},
-        actuators=(Actuator(node=0, signal="u", axes=(True, False, False)),),
-    )
-    save_experiment(experiment, folder)
-    return folder
+    return write_spring(tmp_path / "spring")
 
 
 def listing(folder):

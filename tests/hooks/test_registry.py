@@ -17,7 +17,7 @@ from openprc.errors import (
 )
 from openprc.hooks import FeatureSpec, ReadoutSpec, Registry
 from openprc.hooks.faults import PluginWarning, owned_by
-from openprc.hooks.registry import availability, installed_version, missing_packages, resolve
+from openprc.hooks.registry import availability, missing_packages, resolve
 
 ABSENT = "no_such_package_zq"
 
@@ -274,11 +274,6 @@ def test_packages_are_looked_up_and_not_imported(producer, tmp_path, monkeypatch
 def test_a_blocked_package_counts_as_missing(producer, monkeypatch):
     monkeypatch.setitem(sys.modules, "wave", None)
     assert missing_packages(producer(needs={"import": ("wave",)}), "import") == ("wave",)
-
-
-def test_installed_version():
-    assert installed_version("pluggy").split(".")[0].isdigit()
-    assert installed_version("no-such-distribution-zq") == "unknown"
 
 
 def test_errors_are_of_the_family():

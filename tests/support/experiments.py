@@ -12,6 +12,7 @@ from openprc.schema.experiment import (
     Geometry,
     Hinges,
     Signal,
+    save_experiment,
 )
 
 UPSTREAM = Path(__file__).resolve().parents[2] / "../shared/data/upstream"
@@ -80,3 +81,21 @@ def assert_same(one, two):
         assert getattr(one, name) == getattr(two, name)
     for name in ("damping", "collision", "overwrite"):
         assert getattr(one, name) == getattr(two, name)
+
+
+def write_spring(folder: Path) -> Path:
+    """Write an experiment of two nodes on a spring, one of them driven: 11 frames."""
+    scene = Experiment(
+        geometry=Geometry(
+            positions=[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]],
+            masses=[1.0, 1.0],
+            bars=Bars(indices=[[0, 1]], stiffness=[100.0], rest_length=[1.0]),
+        ),
+        duration=0.1,
+        dt=0.001,
+        save_interval=0.01,
+        signals={"u": Signal(name="u", values=np.linspace(0.0, 0.1, 11), dt=0.01, unit="m")},
+        actuators=(Actuator(node=0, signal="u", axes=(True, False, False)),),
+    )
+    save_experiment(scene, folder)
+    return folder
