@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 
 from openprc.demlat.observables import hinge_angles
 from openprc.errors import ConfigError
-from openprc.schema.experiment import Bars, Geometry, Hinges
+from openprc.schema.geometry import FULL_TURN, BarLaw, Bars, Geometry, HingeLaw, Hinges
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -84,6 +85,9 @@ class GeometryBuilder:
         rest_length: float | None = None,
         prestress: float = 0.0,
         rigid: bool = False,
+        law: BarLaw = "linear",
+        stiffness_cubic: float = 0.0,
+        damping_cubic: float = 0.0,
     ) -> int:
         """Add a bar and return its index.
 
@@ -99,6 +103,11 @@ class GeometryBuilder:
             The bar is relaxed at ``rest_length * (1 + prestress)``.
         rigid : bool
             The length is a constraint.
+        law : {"linear", "cubic", "cable", "strut", "ogden"}
+            See `openprc.schema.experiment.Bars`.
+        stiffness_cubic : float [N/m3]
+        damping_cubic : float [N*s3/m3]
+            For the law "cubic" only.
         """
         i, j = self.node_index(node_i), self.node_index(node_j)
         if rest_length is None:
@@ -112,6 +121,9 @@ class GeometryBuilder:
                 "rest_length": number(rest_length, "rest_length"),
                 "prestress": number(prestress, "prestress"),
                 "rigid": bool(rigid),
+                "law": str(law),
+                "stiffness_cubic": number(stiffness_cubic, "stiffness_cubic"),
+                "damping_cubic": number(damping_cubic, "damping_cubic"),
             }
         )
         return len(self._bars) - 1
@@ -124,6 +136,8 @@ class GeometryBuilder:
         rest_angle: float | None = None,
         damping: float = 0.0,
         rigid: bool = False,
+        law: HingeLaw = "linear",
+        limits: Sequence[float] | None = None,
     ) -> int:
         """Add a hinge and return its index.
 
@@ -136,6 +150,12 @@ class GeometryBuilder:
             pi is flat; the angle of the nodes as they are now unless given.
         damping : float [N*m*s/rad]
         rigid : bool
+            The angle is a constraint.
+        law : {"linear", "enhanced-linear"}
+            See `openprc.schema.experiment.Hinges`.
+        limits : (low, high) [rad], optional
+            Angles between which the hinge is linear; pi/4 and 7 pi/4 for "enhanced-linear",
+            none for "linear".
         """
         if len(nodes) != 4:
             raise ConfigError(
@@ -146,6 +166,11 @@ class GeometryBuilder:
             hinge = Hinges(indices=[indices], stiffness=[0.0], rest_angle=[0.0])
             rows = np.array([[node["position"] for node in self._nodes]])
             rest_angle = float(hinge_angles(rows, hinge)[0, 0])
+        if limits is None:
+            limits = (np.pi / 4, 7 * np.pi / 4) if law == "enhanced-linear" else (0.0, FULL_TURN)
+        if len(limits) != 2:
+            raise ConfigError(f"limits {limits}", expected="two angles: low, high", key="limits")
+        low, high = limits
         self._hinges.append(
             {
                 "indices": indices,
@@ -153,6 +178,9 @@ class GeometryBuilder:
                 "rest_angle": number(rest_angle, "rest_angle"),
                 "damping": number(damping, "damping"),
                 "rigid": bool(rigid),
+                "law": str(law),
+                "limit_low": number(low, "limits"),
+                "limit_high": number(high, "limits"),
             }
         )
         return len(self._hinges) - 1
@@ -228,8 +256,8 @@ class GeometryBuilder:
         return index
 
 
-_BAR_COLUMNS = ("indices", "stiffness", "damping", "rest_length", "prestress", "rigid")
-_HINGE_COLUMNS = ("indices", "stiffness", "rest_angle", "damping", "rigid")
+_BAR_COLUMNS = tuple(column.name for column in fields(Bars))
+_HINGE_COLUMNS = tuple(column.name for column in fields(Hinges))
 
 
 def _columns(rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.schema.experiment import Bars, Hinges
+    from openprc.schema.geometry import Bars, Hinges
 
     Reals = NDArray[np.float64]
 

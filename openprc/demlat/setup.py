@@ -14,9 +14,11 @@ from openprc.errors import ConfigError, ResultExists
 from openprc.schema.experiment import (
     Actuator,
     ActuatorType,
+    BarDamping,
     Collision,
     Experiment,
     Interpolation,
+    Precision,
     Signal,
     load_experiment,
     save_experiment,
@@ -139,14 +141,43 @@ class SimulationSetup(GeometryBuilder):
     # --- settings ---------------------------------------------------------------------------
 
     def set_simulation_params(
-        self, *, duration: float, dt: float, save_interval: float, integrator: str = "rk4"
+        self,
+        *,
+        duration: float,
+        dt: float,
+        save_interval: float,
+        integrator: str = "rk4",
+        tolerance: float | None = None,
+        constraint_tolerance: float | None = None,
+        precision: Precision = "float64",
     ) -> None:
-        """Set times [s]: `duration` a multiple of `save_interval`, that one of `dt`."""
+        """Set times and the scheme.
+
+        Parameters
+        ----------
+        duration : float [s]
+            A multiple of `save_interval`.
+        dt : float [s]
+            Time step; `save_interval` is a multiple of it.
+        save_interval : float [s]
+        integrator : str
+            A name from `openprc.demlat.integrators.INTEGRATORS`.
+        tolerance : float, optional
+            Relative error per step of integrators that choose their step.
+        constraint_tolerance : float, optional
+            Largest relative violation of rigid elements.
+        precision : {"float64", "float32"}
+        """
         self._times = {
             "duration": number(duration, "duration"),
             "dt": number(dt, "dt"),
             "save_interval": number(save_interval, "save_interval"),
             "integrator": integrator,
+            "tolerance": None if tolerance is None else number(tolerance, "tolerance"),
+            "constraint_tolerance": None
+            if constraint_tolerance is None
+            else number(constraint_tolerance, "constraint_tolerance"),
+            "precision": precision,
         }
 
     def set_physics(
@@ -158,6 +189,9 @@ class SimulationSetup(GeometryBuilder):
         collision_radius: float | None = None,
         collision_restitution: float | None = None,
         collision_iterations: int | None = None,
+        collision_friction: float | None = None,
+        collision_faces: bool = False,
+        bar_damping: BarDamping = "axial",
     ) -> None:
         """Set what acts on every node.
 
@@ -172,6 +206,12 @@ class SimulationSetup(GeometryBuilder):
         collision_radius : float [m], optional
         collision_restitution : float in [0, 1], optional
         collision_iterations : int, optional
+        collision_friction : float, optional
+            Coulomb's coefficient.
+        collision_faces : bool
+            Collidable nodes also touch faces.
+        bar_damping : {"axial", "printed"}
+            See `openprc.schema.experiment.Experiment`.
         """
         vector = np.asarray(gravity, dtype="f8")
         if vector.shape not in ((), (3,)):
@@ -187,7 +227,10 @@ class SimulationSetup(GeometryBuilder):
                 radius=collision_radius,
                 restitution=collision_restitution,
                 iterations=collision_iterations,
+                friction=collision_friction,
+                faces=bool(collision_faces),
             ),
+            "bar_damping": bar_damping,
         }
 
     # --- result -----------------------------------------------------------------------------
@@ -250,10 +293,14 @@ class SimulationSetup(GeometryBuilder):
         self._actuators = list(experiment.actuators)
         self._times = {
             name: getattr(experiment, name)
-            for name in ("duration", "dt", "save_interval", "integrator")
+            for name in (
+                *("duration", "dt", "save_interval", "integrator"),
+                *("tolerance", "constraint_tolerance", "precision"),
+            )
         }
         self._physics = {
-            name: getattr(experiment, name) for name in ("gravity", "damping", "collision")
+            name: getattr(experiment, name)
+            for name in ("gravity", "damping", "collision", "bar_damping")
         }
         self.overwrite = experiment.overwrite
         self._legacy = experiment.layout == "legacy"

@@ -48,6 +48,15 @@ class SimulationSection(_Section):
     dt: Positive = Field(description="time step of the integrator [s]")
     save_interval: Positive = Field(description="time between saved frames [s], a multiple of dt")
     integrator: str = Field(default="rk4", min_length=1, description="name of the integrator")
+    tolerance: Positive | None = Field(
+        default=None, description="relative error per step of integrators that choose their step"
+    )
+    constraint_tolerance: Positive | None = Field(
+        default=None, description="largest relative violation of a rigid element"
+    )
+    precision: Literal["float64", "float32"] = Field(
+        default="float64", description="floating-point format of the state"
+    )
 
     @model_validator(mode="after")
     def _commensurate(self) -> SimulationSection:
@@ -82,6 +91,10 @@ class PhysicsSection(_Section):
         description="drag: node i feels -c_i v_i with c_i = damping * m_i / mean(m) [kg/s]; "
         "the mean is over nodes with mass",
     )
+    bar_damping: Literal["axial", "printed"] = Field(
+        default="axial",
+        description="axial: on the rate of the length; printed: -2 zeta sqrt(m_i k) (v_i - v_j)",
+    )
     enable_collision: bool = Field(
         default=False, description="nodes marked collidable repel each other"
     )
@@ -91,6 +104,12 @@ class PhysicsSection(_Section):
     )
     collision_iterations: Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="sweeps over the contacts in one step"
+    )
+    collision_friction: NonNegative | None = Field(
+        default=None, description="Coulomb's coefficient of friction"
+    )
+    collision_faces: bool = Field(
+        default=False, description="collidable nodes touch faces that they are not part of"
     )
 
     @field_validator("gravity", mode="before")

@@ -17,11 +17,19 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from openprc.schema.geometry import (
+    Geometry,
+)
+
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
 Interpolation = Literal["linear", "hold", "cubic"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
+BarDamping = Literal["axial", "printed"]
+BAR_DAMPINGS: tuple[BarDamping, ...] = get_args(BarDamping)
+Precision = Literal["float64", "float32"]
+PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 ActuatorType = Literal["position", "force", "velocity"]
 ACTUATOR_TYPES: tuple[ActuatorType, ...] = get_args(ActuatorType)
 #: The SI unit that the values of a signal have, by what they do.
@@ -30,8 +38,6 @@ ACTUATOR_UNITS: Mapping[str, str] = MappingProxyType(
 )
 #: Relative slack between decimal numbers that are meant to be multiples of each other.
 MULTIPLE_TOLERANCE = 1e-9
-#: Default of columns that are filled in once the number of rows is known.
-_FILLED: Any = None
 
 
 def whole_multiple(total: float, part: float) -> int | None:
@@ -45,147 +51,6 @@ def whole_multiple(total: float, part: float) -> int | None:
         return None
     count = round(ratio)
     return count if abs(ratio - count) <= MULTIPLE_TOLERANCE * max(count, 1) else None
-
-
-def _frozen(values: ArrayLike, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return a read-only copy, so that no producer can change what another one is given.
-
-    Wrong shapes pass through for the checks to report; an empty list gets its second axis.
-    """
-    array = np.array(values, dtype=dtype)
-    if array.size == 0 and array.ndim == 1 and len(shape) == 2:
-        array = array.reshape(0, shape[1])
-    array.flags.writeable = False
-    return array
-
-
-def _freeze(record: object, **columns: tuple[str, tuple[int, ...]]) -> None:
-    for name, (dtype, shape) in columns.items():
-        object.__setattr__(record, name, _frozen(getattr(record, name), dtype, shape))
-
-
-def _fill(record: object, count: int, **defaults: object) -> None:
-    for name, value in defaults.items():
-        if getattr(record, name) is None:
-            object.__setattr__(record, name, np.full(count, value))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Bars:
-    """Two-node axial elements.
-
-    Parameters
-    ----------
-    indices : (M, 2) [node]
-    stiffness : (M,) [N/m]
-        Linear spring on the length.
-    rest_length : (M,) [m]
-    damping : (M,) [N*s/m], default 0
-        Dashpot on the rate of the length; conserves momentum.
-    prestress : (M,) [1], default 0
-        The spring is relaxed at ``rest_length * (1 + prestress)``.
-    rigid : (M,) bool, default False
-        The length is a constraint, and `stiffness` has no meaning.
-    """
-
-    indices: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), "i4"))
-    stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    rest_length: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    damping: NDArray[np.float64] = _FILLED
-    prestress: NDArray[np.float64] = _FILLED
-    rigid: NDArray[np.bool_] = _FILLED
-
-    def __post_init__(self) -> None:
-        _fill(self, len(self.indices), damping=0.0, prestress=0.0, rigid=False)
-        number = ("f8", (-1,))
-        _freeze(self, indices=("i4", (-1, 2)), rigid=("?", (-1,)))
-        _freeze(self, stiffness=number, rest_length=number, damping=number, prestress=number)
-
-    def __len__(self) -> int:
-        """Return the number of bars."""
-        return len(self.indices)
-
-    @property
-    def relaxed_length(self) -> NDArray[np.float64]:
-        """``rest_length * (1 + prestress)``, the length without force: (M,) [m]."""
-        return self.rest_length * (1.0 + self.prestress)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Hinges:
-    """Four-node elements on the dihedral angle between two triangles.
-
-    Parameters
-    ----------
-    indices : (K, 4) [node]
-        ``[j, k, i, l]``: the crease j-k first, then the wings i and l.
-    stiffness : (K,) [N*m/rad]
-    rest_angle : (K,) [rad]
-        pi is flat, 0 is folded shut.
-    damping : (K,) [N*m*s/rad], default 0
-    rigid : (K,) bool, default False
-    """
-
-    indices: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 4), "i4"))
-    stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    rest_angle: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    damping: NDArray[np.float64] = _FILLED
-    rigid: NDArray[np.bool_] = _FILLED
-
-    def __post_init__(self) -> None:
-        _fill(self, len(self.indices), damping=0.0, rigid=False)
-        number = ("f8", (-1,))
-        _freeze(self, indices=("i4", (-1, 4)), rigid=("?", (-1,)))
-        _freeze(self, stiffness=number, rest_angle=number, damping=number)
-
-    def __len__(self) -> int:
-        """Return the number of hinges."""
-        return len(self.indices)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Geometry:
-    """Nodes and the elements between them.
-
-    Parameters
-    ----------
-    positions : (N, 3) [m]
-        At t = 0.
-    masses : (N,) [kg]
-    fixed : (N,) bool, default False
-        Fixed nodes never move.
-    collidable : (N,) bool, default False
-    velocities : (N, 3) [m/s], default 0
-        At t = 0.
-    labels : tuple of N str, optional
-        What matches nodes across producers.
-    bars : Bars
-    hinges : Hinges
-    faces : (F, 3) [node]
-        Triangles without mechanics, for display.
-    """
-
-    positions: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    fixed: NDArray[np.bool_] = _FILLED
-    collidable: NDArray[np.bool_] = _FILLED
-    velocities: NDArray[np.float64] = _FILLED
-    labels: tuple[str, ...] | None = None
-    bars: Bars = field(default_factory=Bars)
-    hinges: Hinges = field(default_factory=Hinges)
-    faces: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
-
-    def __post_init__(self) -> None:
-        _freeze(self, positions=("f8", (-1, 3)), masses=("f8", (-1,)), faces=("i4", (-1, 3)))
-        _fill(self, len(self.positions), fixed=False, collidable=False)
-        if self.velocities is None:
-            object.__setattr__(self, "velocities", np.zeros_like(self.positions))
-        _freeze(self, fixed=("?", (-1,)), collidable=("?", (-1,)), velocities=("f8", (-1, 3)))
-
-    @property
-    def n_nodes(self) -> int:
-        """Number of nodes."""
-        return len(self.positions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,12 +105,30 @@ class Actuator:
 
 @dataclass(frozen=True, kw_only=True)
 class Collision:
-    """Contact between nodes marked collidable; None where the file does not say."""
+    """Contact of nodes marked collidable; None where the file does not say.
+
+    Parameters
+    ----------
+    enabled : bool
+        Collidable nodes touch when they are closer than two radii.
+    radius : float [m], optional
+        Of a node; also the distance that nodes keep from faces.
+    restitution : float in [0, 1], optional
+        Ratio of the normal speeds after and before an impact; 1 unless given.
+    iterations : int, optional
+        Sweeps over the contacts in one step.
+    friction : float, optional
+        Coulomb's coefficient; 0 unless given.
+    faces : bool
+        Collidable nodes also touch the faces that they are not part of.
+    """
 
     enabled: bool = False
     radius: float | None = None
     restitution: float | None = None
     iterations: int | None = None
+    friction: float | None = None
+    faces: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,7 +148,19 @@ class Experiment:
     damping : float
         Node i feels the drag ``-c_i v_i`` with ``c_i = damping * m_i / mean(m)`` [kg/s], the
         mean over nodes with mass. (The older files mean the same.)
+    bar_damping : {"axial", "printed"}
+        "axial": the dashpot of a bar acts on the rate of its length. "printed": the law as the
+        OpenPRC paper prints it, ``-2 zeta sqrt(m_i k) (v_i - v_j)`` on node i with the whole
+        relative velocity, zeta being the bar's `damping`; it slows rigid rotation, and with
+        unequal masses it does not conserve momentum.
     collision : Collision
+    tolerance : float, optional
+        Relative error per step of integrators that choose their step; 1e-6 unless given.
+    constraint_tolerance : float, optional
+        Largest violation of a rigid element, relative to its length (or in rad), after a
+        projection; 1e-13 unless given.
+    precision : {"float64", "float32"}
+        Of the state in the integrator.
     overwrite : bool
         A new run may replace the finished result of an earlier one.
     path : Path, optional
@@ -286,7 +181,11 @@ class Experiment:
     integrator: str = "rk4"
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: float = 0.0
+    bar_damping: BarDamping = "axial"
     collision: Collision = field(default_factory=Collision)
+    tolerance: float | None = None
+    constraint_tolerance: float | None = None
+    precision: Precision = "float64"
     overwrite: bool = False
     path: Path | None = None
     sources: tuple[Path, ...] = ()
@@ -340,17 +239,27 @@ class Experiment:
             "damping": float(self.damping),
             "enable_collision": collision.enabled,
         }
-        for name in ("radius", "restitution", "iterations"):
+        for name in ("radius", "restitution", "iterations", "friction"):
             if getattr(collision, name) is not None:
                 physics[f"collision_{name}"] = getattr(collision, name)
+        if collision.faces:
+            physics["collision_faces"] = True
+        if self.bar_damping != "axial":
+            physics["bar_damping"] = self.bar_damping
+        simulation: dict[str, Any] = {
+            "duration": float(self.duration),
+            "dt": float(self.dt),
+            "save_interval": float(self.save_interval),
+            "integrator": self.integrator,
+        }
+        for name in ("tolerance", "constraint_tolerance"):
+            if getattr(self, name) is not None:
+                simulation[name] = float(getattr(self, name))
+        if self.precision != "float64":
+            simulation["precision"] = self.precision
         return {
             "openprc_config": "1.0",
-            "simulation": {
-                "duration": float(self.duration),
-                "dt": float(self.dt),
-                "save_interval": float(self.save_interval),
-                "integrator": self.integrator,
-            },
+            "simulation": simulation,
             "physics": physics,
             "actuators": [
                 {

@@ -2,10 +2,11 @@
 
 Layout of geometry.h5: root attributes ``openprc_schema`` "1.0" and ``kind`` "geometry";
 ``nodes/{positions, masses, fixed, collidable?, velocities?, label?}``,
-``elements/bars/{indices, stiffness, rest_length, damping, prestress, rigid}``,
-``elements/hinges/{indices, stiffness, rest_angle, damping, rigid}``,
-``elements/faces/indices``. Layout of signals.h5: ``signals/<name>`` with the attributes
-``dt``, ``unit`` and ``interpolation``. The older layout is described in
+``elements/bars/{indices, stiffness, rest_length, damping, prestress, rigid, law?,
+stiffness_cubic?, damping_cubic?}``, ``elements/hinges/{indices, stiffness, rest_angle,
+damping, rigid, law?, limit_low?, limit_high?}``, ``elements/faces/indices``. Layout of
+signals.h5: ``signals/<name>`` with the attributes ``dt``, ``unit`` and ``interpolation``. The
+older layout is described in
 `openprc.schema.experiment_legacy`.
 """
 
@@ -26,11 +27,8 @@ from openprc.schema.atomic import publish
 from openprc.schema.experiment import (
     ACTUATOR_UNITS,
     Actuator,
-    Bars,
     Collision,
     Experiment,
-    Geometry,
-    Hinges,
     Signal,
 )
 from openprc.schema.experiment_checks import check_experiment
@@ -41,6 +39,7 @@ from openprc.schema.experiment_reader import (
     read_number,
     read_text,
 )
+from openprc.schema.geometry import FULL_TURN, Bars, Geometry, Hinges
 from openprc.schema.safety import open_hdf5
 from openprc.schema.units import UNITS, conversion_factor
 
@@ -52,6 +51,11 @@ if TYPE_CHECKING:
 NAMES = ("geometry.h5", "signals.h5", "config.json")
 BAR_UNITS = {"stiffness": "N/m", "rest_length": "m", "damping": "N*s/m", "prestress": "1"}
 HINGE_UNITS = {"stiffness": "N*m/rad", "rest_angle": "rad", "damping": "N*m*s/rad"}
+#: Columns that are written only where they say something, with the value that says nothing.
+SPECIAL_UNITS = {
+    "bars": {"stiffness_cubic": ("N/m3", 0.0), "damping_cubic": ("N*s3/m3", 0.0)},
+    "hinges": {"limit_low": ("rad", 0.0), "limit_high": ("rad", FULL_TURN)},
+}
 
 
 # --- finding ------------------------------------------------------------------------------
@@ -114,7 +118,13 @@ def read_experiment(directory: str | Path) -> Experiment:
             radius=physics.collision_radius,
             restitution=physics.collision_restitution,
             iterations=physics.collision_iterations,
+            friction=physics.collision_friction,
+            faces=physics.collision_faces,
         ),
+        bar_damping=physics.bar_damping,
+        tolerance=times.tolerance,
+        constraint_tolerance=times.constraint_tolerance,
+        precision=times.precision,
         overwrite=config.export.overwrite,
         path=folder.parent if folder.name == "input" else folder,
         sources=tuple(sources),
@@ -145,7 +155,7 @@ def _read_geometry(path: Path, config: Config, notes: list[str]) -> tuple[Geomet
             if reader.has(f"nodes/{key}"):
                 optional[key] = reader.get(f"nodes/{key}", kind=kind, unit=unit)
         if reader.has("nodes/label"):
-            optional["labels"] = _read_labels(file["nodes/label"], path)
+            optional["labels"] = _read_texts(reader, "nodes/label")
         if reader.has("elements/faces"):
             optional["faces"] = reader.get("elements/faces/indices", kind="integer")
         geometry = Geometry(
@@ -170,16 +180,19 @@ def _read_elements(
             columns[key] = reader.get(f"{group}/{key}", kind="number", unit=unit)
     if reader.has(f"{group}/rigid"):
         columns["rigid"] = reader.get(f"{group}/rigid", kind="switch")
+    for key, (unit, _) in SPECIAL_UNITS[name].items():
+        if reader.has(f"{group}/{key}"):
+            columns[key] = reader.get(f"{group}/{key}", kind="number", unit=unit)
+    if reader.has(f"{group}/law"):
+        columns["law"] = np.array(_read_texts(reader, f"{group}/law"))
     return columns
 
 
-def _read_labels(node: object, path: Path) -> tuple[str, ...]:
+def _read_texts(reader: DatasetReader, key: str) -> tuple[str, ...]:
+    node = reader.file[key]
     if not isinstance(node, h5py.Dataset) or node.dtype.kind != "S":
         raise ConfigError(
-            "labels are not fixed-length text",
-            expected="a dataset of UTF-8 bytes",
-            file=path,
-            key="nodes/label",
+            "not fixed-length text", expected="a dataset of UTF-8 bytes", file=reader.path, key=key
         )
     return tuple(bytes(label).decode("utf-8") for label in node[()])
 
@@ -281,6 +294,11 @@ def _write_geometry(geometry: Geometry, path: Path) -> None:
             for key, unit in units.items():
                 _put(file, f"elements/{name}/{key}", getattr(elements, key), unit)
             _put(file, f"elements/{name}/rigid", elements.rigid.astype("u1"))
+            for key, (unit, default) in SPECIAL_UNITS[name].items():
+                if (getattr(elements, key) != default).any():
+                    _put(file, f"elements/{name}/{key}", getattr(elements, key), unit)
+            if (elements.law != "linear").any():
+                _put(file, f"elements/{name}/law", elements.law.astype("S16"))
         if len(geometry.faces):
             _put(file, "elements/faces/indices", geometry.faces)
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError
-from openprc.schema.experiment import Bars, Geometry, Hinges, Signal
-from openprc.schema.experiment_checks import list_some
+from openprc.schema.experiment import Signal
 from openprc.schema.experiment_reader import DatasetReader, read_number
+from openprc.schema.geometry import Bars, Geometry, Hinges
+from openprc.schema.mistakes import list_some
 
 FIXED, POSITION_DRIVEN, FORCE_DRIVEN, COLLIDABLE = 1, 2, 4, 8
 

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from openprc.demlat import BarHingeModel
-from openprc.schema.experiment import (
-    Actuator,
-    Bars,
-    Experiment,
-    Geometry,
-    Hinges,
-    Signal,
-    save_experiment,
-)
+from openprc.schema.experiment import Actuator, Experiment, Signal, save_experiment
+from openprc.schema.geometry import Bars, Geometry, Hinges
 
 
 @dataclass

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from openprc.schema.experiment import Bars, Geometry
+from openprc.schema.geometry import Bars, Geometry
 
 X, Y, Z = np.eye(3)
 

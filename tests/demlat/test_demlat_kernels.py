@@ -7,7 +7,8 @@ from openprc.demlat import observables
 from openprc.demlat.models.barhinge import kernels, laws
 from openprc.demlat.plan import make_plan
 from openprc.demlat.signals import sample_signal, signal_table
-from openprc.schema.experiment import Hinges, Signal
+from openprc.schema.experiment import Signal
+from openprc.schema.geometry import Hinges
 
 
 def random_scene(body, seed=0):

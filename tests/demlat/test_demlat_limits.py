@@ -16,7 +16,8 @@ from openprc.errors import (
     UnreadableFile,
     UnsupportedScene,
 )
-from openprc.schema.experiment import Bars, Collision, Hinges, load_experiment, save_experiment
+from openprc.schema.experiment import Collision, load_experiment, save_experiment
+from openprc.schema.geometry import Bars, Hinges
 
 UPSTREAM = Path(__file__).resolve().parents[2] / "../shared/data/upstream"
 X, Y, Z = np.eye(3)

@@ -11,13 +11,11 @@ from experiments import assert_same, experiment, geometry
 from openprc.errors import ConfigError
 from openprc.schema.experiment import (
     Actuator,
-    Bars,
-    Geometry,
-    Hinges,
     Signal,
     load_experiment,
     save_experiment,
 )
+from openprc.schema.geometry import Bars, Geometry, Hinges
 
 # --- round trip ------------------------------------------------------------------------------
 

@@ -10,10 +10,7 @@ import pytest
 from experiments import UPSTREAM, assert_same, experiment
 
 from openprc.errors import ConfigError, SchemaTooNew, UnreadableFile, UnsafeFile
-from openprc.schema.experiment import (
-    load_experiment,
-    save_experiment,
-)
+from openprc.schema.experiment import load_experiment, save_experiment
 
 # --- files ---------------------------------------------------------------------------------------
 

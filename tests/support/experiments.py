@@ -6,14 +6,12 @@ import numpy as np
 
 from openprc.schema.experiment import (
     Actuator,
-    Bars,
     Collision,
     Experiment,
-    Geometry,
-    Hinges,
     Signal,
     save_experiment,
 )
+from openprc.schema.geometry import Bars, Geometry, Hinges
 
 UPSTREAM = Path(__file__).resolve().parents[2] / "../shared/data/upstream"
 
