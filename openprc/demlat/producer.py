@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.demlat import observables
 from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
-from openprc.demlat.signals import sample_signal
+from openprc.demlat.signal_table import sample_signal
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
 
@@ -20,12 +19,10 @@ if TYPE_CHECKING:
     from openprc.hooks.protocols import Progress
     from openprc.schema import Experiment, Finding, TrajectoryWriter
 
-ENERGIES = {
-    "kinetic_energy": "kinetic",
-    "potential_energy": "potential",
-    "work_in": "work_in",
-    "dissipated": "dissipated",
-}
+#: Columns of `FrameBuffer.energy` and `FrameBuffer.ledger`.
+ENERGIES = ("kinetic_energy", "elastic_energy_bars", "elastic_energy_hinges", "gravity_energy")
+LOSSES = ("dissipated_drag", "dissipated_bars", "dissipated_hinges", "dissipated_contact")
+TOTALS = ("potential_energy", "total_energy", "work_in", "dissipated")
 
 
 class DemlatProducer:
@@ -77,7 +74,7 @@ class DemlatProducer:
         progress(0.0, "t = 0 s")
         for first, block in model.blocks():
             recorder.append(first, block)
-            done = first + len(block.kinetic)
+            done = first + len(block.x)
             time = (done - 1) * experiment.save_interval
             progress(done / n_frames, f"t = {time:g} s of {experiment.duration:g} s")
 
@@ -136,29 +133,30 @@ class _Recorder:
             )
         if len(geometry.faces):
             writer.declare_elements("faces", geometry.faces)
-        for name in (*ENERGIES, "total_energy"):
+        for name in (*ENERGIES, *LOSSES, *TOTALS):
             writer.declare_system(name, unit="J")
         for name, settings in self.inputs.items():
             writer.declare_input(name, **settings["declaration"])
 
     def append(self, first: int, block: FrameBuffer) -> None:
         """Append a block of frames of which the first has the number `first`."""
-        times = (first + np.arange(len(block.kinetic))) * self.experiment.save_interval
+        times = (first + np.arange(len(block.x))) * self.experiment.save_interval
         geometry = self.experiment.geometry
         elements: dict[tuple[str, str], NDArray[np.float64]] = {}
         if len(bars := geometry.bars):
-            lengths = observables.bar_lengths(block.x, bars)
-            elements["bars", "length"] = lengths
-            elements["bars", "force"] = observables.bar_forces(block.x, block.v, lengths, bars)
+            elements["bars", "length"] = block.length
+            elements["bars", "force"] = block.tension
             if self.with_strain:
-                elements["bars", "strain"] = observables.bar_strains(lengths, bars)
-        if len(hinges := geometry.hinges):
-            angles = observables.hinge_angles(block.x, hinges)
-            rates = observables.hinge_rates(block.x, block.v, hinges)
-            elements["hinges", "angle"] = angles
-            elements["hinges", "torque"] = observables.hinge_torques(angles, rates, hinges)
-        system = {name: getattr(block, field) for name, field in ENERGIES.items()}
-        system["total_energy"] = block.kinetic + block.potential
+                elements["bars", "strain"] = block.length / bars.rest_length - 1.0
+        if len(geometry.hinges):
+            elements["hinges", "angle"] = block.angle
+            elements["hinges", "torque"] = block.moment
+        system = {name: block.energy[:, kind] for kind, name in enumerate(ENERGIES)}
+        system |= {name: block.ledger[:, kind] for kind, name in enumerate(LOSSES, 1)}
+        system["work_in"] = block.ledger[:, 0]
+        system["dissipated"] = block.ledger[:, 1:].sum(axis=1)
+        system["potential_energy"] = block.energy[:, 1:].sum(axis=1)
+        system["total_energy"] = block.energy.sum(axis=1)
         self.writer.append(
             times,
             positions=block.x[..., : self.dims],

@@ -23,19 +23,15 @@ ITERATIONS = 60
 Operator = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
 
 
-def stable_step(experiment: Experiment, drag: NDArray[np.float64]) -> float:
+def stable_step(experiment: Experiment) -> float:
     """Return the largest stable time step [s], or infinity when nothing is stiff.
 
     Power iteration on ``M^-1 K`` and ``M^-1 C`` of the body as it lies at t = 0. Large
     rotations leave the estimate; a body that is stretched or folded far stiffens beyond it.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    drag : (N,) [kg/s]
     """
     geometry = experiment.geometry
-    held = geometry.fixed[:, np.newaxis] | experiment.driven_axes("position")
+    drag, held = experiment.drag, experiment.held_axes
     masses = np.where(held, 1.0, geometry.masses[:, np.newaxis])
     mobility = np.where(held, 0.0, 1.0 / masses)
     groups = [_bar_gradients(experiment), _hinge_gradients(experiment)]

@@ -219,6 +219,21 @@ class Experiment:
         return mask
 
     @property
+    def held_axes(self) -> NDArray[np.bool_]:
+        """Where a coordinate is fixed or its motion prescribed: (N, 3) bool."""
+        driven = self.driven_axes("position") | self.driven_axes("velocity")
+        return driven | self.geometry.fixed[:, np.newaxis]
+
+    @property
+    def drag(self) -> NDArray[np.float64]:
+        """Coefficients ``damping * m_i / mean(m)``, the mean over nodes with mass: (N,) [kg/s]."""
+        masses = self.geometry.masses
+        massive = masses > 0
+        if not massive.any():
+            return np.zeros(len(masses))
+        return self.damping * masses / masses[massive].mean()
+
+    @property
     def planar(self) -> bool:
         """Whether everything is at z = 0 and nothing pulls, drives or folds out of it."""
         geometry = self.geometry

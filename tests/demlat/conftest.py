@@ -17,10 +17,28 @@ class Run:
     t: np.ndarray
     x: np.ndarray
     v: np.ndarray
-    kinetic: np.ndarray
-    potential: np.ndarray
-    work_in: np.ndarray
-    dissipated: np.ndarray
+    length: np.ndarray
+    tension: np.ndarray
+    angle: np.ndarray
+    moment: np.ndarray
+    energy: np.ndarray
+    ledger: np.ndarray
+
+    @property
+    def kinetic(self):
+        return self.energy[:, 0]
+
+    @property
+    def potential(self):
+        return self.energy[:, 1:].sum(axis=1)
+
+    @property
+    def work_in(self):
+        return self.ledger[:, 0]
+
+    @property
+    def dissipated(self):
+        return self.ledger[:, 1:].sum(axis=1)
 
     @property
     def balance(self):

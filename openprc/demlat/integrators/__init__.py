@@ -1,1 +1,114 @@
-"""Time integrators, one file a scheme. Each runs a whole block of frames in compiled code."""
+"""The schemes, one module each; this page is what there is to choose from.
+
+Nothing is compiled and no compiler is imported before a scheme is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+from openprc.errors import ConfigError
+
+
+class Settings(NamedTuple):
+    """What a scheme may need to know besides the body; times in units of the engine.
+
+    Attributes
+    ----------
+    h : float
+        Fixed step, or the first one of a scheme that chooses its step.
+    frame_time : float
+    tolerance : float
+        Relative error per step of schemes that choose it.
+    constraint_tolerance : float
+        Relative violation of rigid elements.
+    ledger : bool
+        Whether powers are kept.
+    limit : float
+        Coordinates beyond it mean that the run has diverged.
+    """
+
+    h: float
+    frame_time: float
+    tolerance: float = 1e-6
+    constraint_tolerance: float = 1e-13
+    ledger: bool = True
+    limit: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A scheme.
+
+    Parameters
+    ----------
+    name : str
+        What stands in ``simulation.integrator``.
+    order : int
+        Of convergence, for smooth drives.
+    path : str
+        ``module:class`` of its work arrays, which have ``for_body(body, settings)``.
+    stages : int
+        Evaluations of all forces in a step.
+    step : {"fixed", "adaptive"}
+    rigid : {"no", "exact", "projected"}
+        What it does with rigid bars and hinges: refuse them, solve for them to tolerance, or
+        project the state after each step, which costs order.
+    stability : {"rk4", "verlet", "pefrl", "none"}
+        Whose limit on the step applies; see `openprc.demlat.stability`.
+    use : str
+        When to choose it.
+    """
+
+    name: str
+    order: int
+    path: str
+    stages: int
+    use: str
+    step: Literal["fixed", "adaptive"] = "fixed"
+    rigid: Literal["no", "exact", "projected"] = "no"
+    stability: Literal["rk4", "verlet", "pefrl", "none"] = "none"
+
+    def load(self) -> Any:
+        """Return the class of the scheme's work arrays."""
+        module, _, name = self.path.partition(":")
+        return getattr(import_module(module), name)
+
+
+_HERE = "openprc.demlat.integrators"
+INTEGRATORS: Mapping[str, Integrator] = MappingProxyType(
+    {
+        scheme.name: scheme
+        for scheme in (
+            Integrator(
+                name="rk4",
+                order=4,
+                path=f"{_HERE}.rk4:RK4",
+                stages=4,
+                stability="rk4",
+                use="damped bodies at a fixed step; the default",
+            ),
+        )
+    }
+)
+
+
+def find_integrator(name: str) -> Integrator:
+    """Return the scheme of that name.
+
+    Raises
+    ------
+    ConfigError
+        When there is none.
+    """
+    if name not in INTEGRATORS:
+        raise ConfigError(
+            f"the integrator {name!r}",
+            expected="one of " + ", ".join(INTEGRATORS),
+            key="simulation.integrator",
+        )
+    return INTEGRATORS[name]

@@ -1,94 +1,147 @@
-"""Force laws of the bar-hinge model: pure functions of numbers, for any compiler.
+"""Force laws of the bar-hinge model: the one source of its physics, for every compiler.
 
-Every compiled backend is built from these functions, so that there is one source for the
-physics. They use `math` only, allocate nothing, and never look at the scene.
+Pure functions of numbers. They use arithmetic, `math`, `abs` and `select` only, have no
+branches, allocate nothing and never look at the scene, so that the same lines are compiled for
+single numbers, for vectors of lanes and for CUDA threads.
+
+Lengths are in one unit, and so on: any consistent system will do.
 """
 
 from __future__ import annotations
 
 import math
 
-#: Slack, in samples, within which a time counts as lying on a sample of a signal.
-SAMPLE_SLACK = 1e-6
-LINEAR, HOLD, CUBIC = 0, 1, 2
+#: Added to squared lengths and areas, so that an element that is only filling up a vector
+#: (all zeros) gives a force of zero and not 0 / 0. It is far below rounding everywhere else.
+TINY = 1e-36
+QUARTER_PI = math.pi / 4.0
+HALF_PI = math.pi / 2.0
 
 
-def bar_force(
-    length: float, rate: float, stiffness: float, relaxed: float, damping: float
-) -> float:
-    """Return the tension of a bar [N]: ``k (l - l0) + c dl/dt``, positive when it pulls.
-
-    The spring is Eq. "axial force" of the OpenPRC paper. The dashpot acts on the rate of the
-    length [m/s] only: a damper on the whole relative velocity would slow a rigid rotation.
-    """
-    return stiffness * (length - relaxed) + damping * rate
+def select(condition: bool, yes: float, no: float) -> float:
+    """Return `yes` where the condition holds, else `no`; both are evaluated."""
+    return yes if condition else no
 
 
-def bar_energy(length: float, stiffness: float, relaxed: float) -> float:
-    """Return the elastic energy of a bar [J]: ``k (l - l0)^2 / 2``."""
-    stretch = length - relaxed
+# --- bars: tension [N] and energy [J] from stretch s = l - relaxed [m] and rate dl/dt [m/s] ----
+
+
+def linear_tension(stretch: float, stiffness: float) -> float:
+    """Return ``k s`` (the paper's axial force)."""
+    return stiffness * stretch
+
+
+def linear_energy(stretch: float, stiffness: float) -> float:
+    """Return ``k s^2 / 2``."""
     return 0.5 * stiffness * stretch * stretch
 
 
-def wrap_angle(angle: float) -> float:
-    """Return `angle` [rad] moved into [-pi, pi] by whole turns."""
-    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+def cubic_tension(stretch: float, stiffness: float, cubic: float) -> float:
+    """Return ``k s + k3 s^3`` (Hauser et al. 2011, doi:10.1007/s00422-012-0471-0)."""
+    return stretch * (stiffness + cubic * stretch * stretch)
 
 
-def bend_angle(crease: float, n_dot_rij: float, m_dot_n: float) -> float:
-    """Return the bend of a hinge [rad]: the dihedral angle minus pi, so 0 is flat.
+def cubic_energy(stretch: float, stiffness: float, cubic: float) -> float:
+    """Return ``k s^2 / 2 + k3 s^4 / 4``."""
+    square = stretch * stretch
+    return square * (0.5 * stiffness + 0.25 * cubic * square)
 
-    ``atan2(-|r_kj| n.r_ij, -m.n)`` with ``m = r_ij x r_kj`` and ``n = r_kj x r_kl``
-    (Blondel & Karplus 1996, doi:10.1002/(SICI)1096-987X(19960715)17:9<1132::AID-JCC5>3.0.CO;2-T).
-    Unlike an arc cosine it is exact near flat; the cut lies where the hinge is folded shut.
+
+def taut(stretch: float) -> float:
+    """Return the stretch of a cable: `stretch` where it is positive, else 0."""
+    return 0.5 * (stretch + abs(stretch))
+
+
+def pressed(stretch: float) -> float:
+    """Return the stretch of a strut: `stretch` where it is negative, else 0."""
+    return 0.5 * (stretch - abs(stretch))
+
+
+def engaged(stretch: float) -> float:
+    """Return 1 where `stretch` is positive, else 0: a slack cable does not damp either."""
+    return 0.5 + math.copysign(0.5, stretch)
+
+
+def ogden_tension(stretch: float, stiffness: float, relaxed: float) -> float:
+    """Return ``k L ((1 + e)^4 - 1) / 4`` with ``e = s / L``.
+
+    The axial force ``C0 A (lambda^4 - 1) / 4`` of an Ogden material with exponents 5 and 1
+    (Liu & Paulino 2017, doi:10.1098/rspa.2017.0348), ``k = C0 A / L``; expanded in the strain,
+    which loses nothing when that is small.
     """
-    return math.atan2(-crease * n_dot_rij, -m_dot_n)
+    e = stretch / relaxed
+    return stiffness * stretch * (1.0 + e * (1.5 + e * (1.0 + 0.25 * e)))
 
 
-def hinge_moment(difference: float, rate: float, stiffness: float, damping: float) -> float:
-    """Return the moment of a hinge [N m]: ``k (bend - rest) + c d(bend)/dt``.
+def ogden_energy(stretch: float, stiffness: float, relaxed: float) -> float:
+    """Return the integral of `ogden_tension` over the stretch."""
+    e = stretch / relaxed
+    return stiffness * stretch * stretch * (0.5 + e * (0.5 + e * (0.25 + 0.05 * e)))
 
-    `difference` is wrapped, so a rest angle may be given in any turn and means the shorter
-    way round.
+
+# --- hinges -------------------------------------------------------------------------------
+
+
+def arctangent(y: float, x: float) -> float:
+    """Return the angle of the vector (x, y) in [-pi, pi] [rad], as ``math.atan2`` does.
+
+    Without branches, so that lanes can share it. The argument is reduced to at most
+    tan(pi/8); there ``atan(t) = t + t^3 P(t^2)`` with a polynomial through Chebyshev nodes
+    that is within 5e-18 of the function, so the error is that of rounding.
     """
-    return stiffness * difference + damping * rate
+    ax, ay = abs(x), abs(y)
+    steep = ay > ax
+    low, high = select(steep, ax, ay), select(steep, ay, ax)
+    wide = low > 0.41421356237309503 * high
+    t = select(wide, low - high, low) / (select(wide, low + high, high) + TINY)
+    z = t * t
+    p = -0.05085240174154878 + z * (0.03922560559586107 - 0.019169476385361265 * z)
+    p = -0.06664506835133263 + z * (0.05858108856106755 + z * p)
+    p = -0.09090904564022367 + z * (0.07692182863309693 + z * p)
+    p = -0.14285714284662226 + z * (0.11111111014909221 + z * p)
+    p = -0.3333333333333333 + z * (0.199999999999955 + z * p)
+    angle = t + t * z * p + select(wide, QUARTER_PI, 0.0 * t)
+    angle = select(steep, HALF_PI - angle, angle)
+    angle = select(x < 0.0, math.pi - angle, angle)
+    return math.copysign(angle, y)
+
+
+def turned_back(
+    sine: float, cosine: float, sine_rest: float, cosine_rest: float
+) -> tuple[float, float]:
+    """Return sine and cosine of the bend minus the rest bend, times what they came with.
+
+    ``sine`` is ``-|r_kj| n.r_ij`` and ``cosine`` is ``-m.n`` with ``m = r_ij x r_kj`` and
+    ``n = r_kj x r_kl`` (Blondel & Karplus 1996,
+    doi:10.1002/(SICI)1096-987X(19960715)17:9<1132::AID-JCC5>3.0.CO;2-T). The bend is the
+    dihedral angle minus pi, so 0 is flat. Turning back by the rest angle before the arctangent
+    is taken needs no wrapping and is exact near rest.
+    """
+    return sine * cosine_rest - cosine * sine_rest, cosine * cosine_rest + sine * sine_rest
+
+
+def hinge_moment(difference: float, stiffness: float) -> float:
+    """Return ``k (bend - rest)`` [N m]."""
+    return stiffness * difference
 
 
 def hinge_energy(difference: float, stiffness: float) -> float:
-    """Return the elastic energy of a hinge [J]: ``k (bend - rest)^2 / 2``."""
+    """Return ``k (bend - rest)^2 / 2`` [J]."""
     return 0.5 * stiffness * difference * difference
 
 
-def first_segment(time: float, sample_dt: float) -> int:
-    """Return the segment of a signal that begins at or before `time` [s]."""
-    return math.floor(time / sample_dt + SAMPLE_SLACK)
+def wall_moment(excess: float, stiffness: float, room: float) -> float:
+    """Return what an enhanced-linear hinge adds beyond a limit [N m].
+
+    Between the limits the hinge is linear; `excess` [rad] is how far it is beyond the upper
+    limit (positive) or the lower one (negative), `room` the distance from that limit to where
+    the panels meet: ``k (2 r / pi) tan(pi e / (2 r)) - k e``, added to the linear moment
+    (Liu & Paulino 2017, doi:10.1098/rspa.2017.0348).
+    """
+    return stiffness * (room / HALF_PI * math.tan(HALF_PI * excess / room) - excess)
 
 
-def last_segment(time: float, sample_dt: float) -> int:
-    """Return the segment of a signal that ends at or after `time` [s]."""
-    return math.ceil(time / sample_dt - SAMPLE_SLACK) - 1
-
-
-def linear_value(s: float, left: float, right: float) -> float:
-    """Return the chord through two samples at ``s`` in [0, 1]."""
-    return left + (right - left) * s
-
-
-def cubic_value(
-    s: float, left: float, right: float, left_slope: float, right_slope: float
-) -> float:
-    """Return the cubic with given end values and slopes (per segment) at ``s`` in [0, 1]."""
-    r = 1.0 - s
-    return r * r * ((1.0 + 2.0 * s) * left + s * left_slope) + s * s * (
-        (1.0 + 2.0 * r) * right - r * right_slope
-    )
-
-
-def cubic_rate(s: float, left: float, right: float, left_slope: float, right_slope: float) -> float:
-    """Return the derivative of `cubic_value` with respect to ``s``."""
-    r = 1.0 - s
-    return (
-        6.0 * s * r * (right - left)
-        + r * (r - 2.0 * s) * left_slope
-        + s * (s - 2.0 * r) * right_slope
-    )
+def wall_energy(excess: float, stiffness: float, room: float) -> float:
+    """Return the integral of `wall_moment` over the excess [J]."""
+    scale = room / HALF_PI
+    return -stiffness * (scale * scale * math.log(math.cos(excess / scale)) + 0.5 * excess * excess)

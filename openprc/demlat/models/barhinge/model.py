@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from openprc.demlat.models.barhinge.tables import FrameBuffer, Work
-from openprc.demlat.plan import make_plan, node_drag, remarks, supports
+from openprc.demlat.integrators import Settings, find_integrator
+from openprc.demlat.models.barhinge.support import remarks, scene_size, supports
+from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
 from openprc.demlat.stability import stable_step
 from openprc.errors import ConfigError, Diverged
 
 if TYPE_CHECKING:
+    from openprc.demlat.models.barhinge.assembly import Assembly
     from openprc.schema.experiment import Experiment
     from openprc.schema.findings import Finding
 
@@ -23,6 +26,8 @@ BACKENDS: tuple[Backend, ...] = get_args(Backend)
 BLOCK_BYTES = 4 << 20
 #: ... or after about this many element updates, so that progress shows and Ctrl-C works.
 BLOCK_WORK = 20_000_000
+#: A coordinate beyond this many times the size of the scene is no result but a blow-up.
+ESCAPE_FACTOR = 1e6
 
 
 class BarHingeModel:
@@ -33,9 +38,6 @@ class BarHingeModel:
     experiment : Experiment
         One for which `supports` is empty.
     backend : {"auto", "cpu", "cuda", "jax"}
-        There is one compiled backend, "cpu". The names "cuda" and "jax" are accepted, so that
-        a script written for another machine runs, and `remarks` says what ran instead; the
-        results are the same to rounding.
     """
 
     name = "barhinge"
@@ -47,7 +49,7 @@ class BarHingeModel:
             )
         self.experiment = experiment
         self.backend = backend
-        self.plan = make_plan(experiment)
+        self.integrator = find_integrator(experiment.integrator)
 
     @staticmethod
     def supports(experiment: Experiment) -> list[Finding]:
@@ -72,51 +74,86 @@ class BarHingeModel:
             have been yielded.
         """
         # Compiled code is loaded when something runs, not when an experiment is built.
-        from openprc.demlat.integrators.rk4 import advance, begin  # noqa: PLC0415
+        from openprc.demlat.integrators.stepping import advance, begin  # noqa: PLC0415
+        from openprc.demlat.models.barhinge.assembly import assemble  # noqa: PLC0415
 
-        plan = self.plan
-        n_nodes = len(plan.positions)
-        x, v = plan.positions.copy(), plan.velocities.copy()
-        ledger, work = np.zeros(2), Work.for_nodes(n_nodes)
-        tables = (plan.nodes, plan.bars, plan.hinges, plan.drives, plan.signals)
-        out = FrameBuffer.for_frames(self._block_frames(), n_nodes)
-        begin(x, v, ledger, *tables, plan.step, out)
-        yield 0, FrameBuffer(*(column[:1] for column in out))
+        experiment = self.experiment
+        assembly = assemble([experiment])
+        settings = self._settings(assembly)
+        scheme = self.integrator.load().for_body(assembly.body, settings)
+        control = make_control(self.integrator.step, settings, experiment.steps_per_frame)
+        body, state, scale = assembly.body, assembly.state, assembly.scaler.output
+        energy = np.zeros(4 * LEDGER_STRIDE, body.mass.dtype)
+        out = self._buffer(assembly)
+        begin(body, state, energy, settings.h, scale, out)
+        yield 0, self._finished(assembly, out, 1)
         frame = 0
-        while frame < plan.n_frames - 1:
-            count = min(len(out.kinetic), plan.n_frames - 1 - frame)
-            done, escaped, step = advance(
-                x,
-                v,
-                ledger,
-                work,
-                *tables,
-                frame,
-                count,
-                plan.steps_per_frame,
-                plan.step,
-                plan.escape_limit,
-                out,
+        while frame < experiment.n_frames - 1:
+            count = min(len(out.x), experiment.n_frames - 1 - frame)
+            done, escaped, time = advance(
+                scheme, body, state, energy, control, frame, count, scale, out
             )
             if done:
-                yield frame + 1, FrameBuffer(*(column[:done] for column in out))
+                yield frame + 1, self._finished(assembly, out, done)
             if escaped >= 0:
-                raise self._diverged(escaped, step * plan.step)
+                raise self._diverged(assembly, escaped, time * assembly.scaler.time)
             frame += done
 
-    def _block_frames(self) -> int:
-        plan = self.plan
-        frame_bytes = 48 * len(plan.positions)
-        elements = len(plan.positions) + len(plan.bars.i) + 4 * len(plan.hinges.j)
-        frame_work = 4 * plan.steps_per_frame * elements
-        return max(1, min(plan.n_frames, BLOCK_BYTES // frame_bytes, BLOCK_WORK // frame_work))
+    def _settings(self, assembly: Assembly) -> Settings:
+        experiment, unit = self.experiment, assembly.scaler
+        frame_time = experiment.save_interval / unit.time
+        return Settings(
+            h=frame_time / experiment.steps_per_frame,
+            frame_time=frame_time,
+            tolerance=experiment.tolerance or Settings._field_defaults["tolerance"],
+            constraint_tolerance=experiment.constraint_tolerance
+            or Settings._field_defaults["constraint_tolerance"],
+            limit=ESCAPE_FACTOR * scene_size(experiment) / unit.length,
+        )
 
-    def _diverged(self, node: int, time: float) -> Diverged:
-        limit = stable_step(self.experiment, node_drag(self.experiment))
+    def _buffer(self, assembly: Assembly) -> FrameBuffer:
+        experiment, geometry = self.experiment, self.experiment.geometry
+        elements = len(geometry.bars) + 4 * len(geometry.hinges) + geometry.n_nodes
+        frame_bytes = 48 * geometry.n_nodes + 16 * (len(geometry.bars) + len(geometry.hinges))
+        frame_work = self.integrator.stages * experiment.steps_per_frame * elements
+        most = min(BLOCK_BYTES // frame_bytes, BLOCK_WORK // frame_work)
+        return FrameBuffer.for_frames(
+            max(1, min(experiment.n_frames, most)),
+            n_nodes=geometry.n_nodes,
+            dims=assembly.packing.dims,
+            n_bars=len(geometry.bars),
+            n_hinges=len(geometry.hinges),
+        )
+
+    def _finished(self, assembly: Assembly, out: FrameBuffer, count: int) -> FrameBuffer:
+        block = FrameBuffer(*(column[:count] for column in out))
+        if assembly.reference.any():
+            block.x[...] += assembly.reference[0, :, : assembly.packing.dims]
+            block.energy[:, 3] -= assembly.reference_work
+        return block
+
+    def _diverged(self, assembly: Assembly, coordinate: int, time: float) -> Diverged:
+        experiment = self.experiment
+        axis, node = divmod(coordinate, assembly.packing.stride)
+        limit = stable_step(experiment)
+        bound = ESCAPE_FACTOR * scene_size(experiment)
         return Diverged(
-            f"node {node} left the range of plausible positions at t = {time:.6g} s",
-            expected=f"coordinates below {self.plan.escape_limit:.3g} m",
-            fix=f"use a smaller dt: it is {self.experiment.dt:g} s, and the stability limit"
+            f"node {node} left the range of plausible positions along {'xyz'[axis]}"
+            f" by t = {time:.6g} s",
+            expected=f"coordinates below {bound:.3g} m",
+            fix=f"use a smaller dt: it is {experiment.dt:g} s, and the stability limit"
             f" estimated at rest is {limit:.3g} s; frames up to then are in the partial file",
             key="simulation.dt",
         )
+
+
+def make_control(kind: str, settings: Settings, steps_per_frame: int) -> Any:
+    """Return what tells the compiled loop how to get from frame to frame."""
+    from openprc.demlat.integrators.stepping import FixedControl  # noqa: PLC0415  compiles
+
+    return FixedControl(settings.frame_time, steps_per_frame, settings.h, settings.limit)
+
+
+def n_threads() -> int:
+    """Return how many scenes may be stepped at once."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,86 +1,19 @@
-"""From an experiment to flat arrays, and what the engine has to say about it beforehand."""
+"""What the bar-hinge model cannot represent, and what a reader of its results should know."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.demlat.models.barhinge.tables import BarTable, Drives, HingeTable, NodeTable
-from openprc.demlat.signals import SAMPLE_SLACK, SignalTable, sample_signal, signal_table
+from openprc.demlat.integrators import INTEGRATORS
+from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
 from openprc.demlat.stability import stable_step
 from openprc.schema.findings import Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from openprc.schema.experiment import Experiment
-
-INTEGRATORS = ("rk4",)
-#: A coordinate beyond this many times the size of the scene is no result but a blow-up.
-ESCAPE_FACTOR = 1e6
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Everything that the compiled loop is given, apart from the state.
-
-    Attributes
-    ----------
-    nodes, bars, hinges, drives, signals
-        Flat tables.
-    positions, velocities : (N, 3) [m], [m/s]
-        At t = 0; the compiled code puts driven axes where their signals are.
-    step : float [s]
-        ``save_interval / steps_per_frame``, so that frames are hit without rounding.
-    escape_limit : float [m]
-    """
-
-    nodes: NodeTable
-    bars: BarTable
-    hinges: HingeTable
-    drives: Drives
-    signals: SignalTable
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    step: float
-    steps_per_frame: int
-    n_frames: int
-    escape_limit: float
-
-
-def make_plan(experiment: Experiment) -> Plan:
-    """Flatten an experiment whose `supports` is empty."""
-    geometry = experiment.geometry
-    bars, hinges = geometry.bars, geometry.hinges
-    used = list(dict.fromkeys(actuator.signal for actuator in experiment.actuators))
-    size = scene_size(experiment)
-    return Plan(
-        nodes=_node_table(experiment),
-        bars=BarTable(
-            i=bars.indices[:, 0].astype(np.int64),
-            j=bars.indices[:, 1].astype(np.int64),
-            stiffness=bars.stiffness.copy(),
-            relaxed=bars.relaxed_length,
-            damping=bars.damping.copy(),
-        ),
-        hinges=HingeTable(
-            *(hinges.indices[:, column].astype(np.int64) for column in range(4)),
-            stiffness=hinges.stiffness.copy(),
-            rest_bend=hinges.rest_angle - np.pi,
-            damping=hinges.damping.copy(),
-        ),
-        drives=_drives(experiment, used),
-        signals=signal_table([experiment.signals[name] for name in used]),
-        positions=geometry.positions.copy(),
-        velocities=geometry.velocities.copy(),
-        step=experiment.save_interval / experiment.steps_per_frame,
-        steps_per_frame=experiment.steps_per_frame,
-        n_frames=experiment.n_frames,
-        escape_limit=ESCAPE_FACTOR * size,
-    )
 
 
 def scene_size(experiment: Experiment) -> float:
@@ -98,43 +31,6 @@ def scene_size(experiment: Experiment) -> float:
     return float(max(lengths)) or 1.0
 
 
-def node_drag(experiment: Experiment) -> NDArray[np.float64]:
-    """Return the drag coefficients ``damping * m_i / mean(m)``: (N,) [kg/s]."""
-    masses = experiment.geometry.masses
-    if experiment.damping == 0.0 or not masses.any():
-        return np.zeros(len(masses))
-    drag: NDArray[np.float64] = experiment.damping * masses / masses[masses > 0].mean()
-    return drag
-
-
-def _node_table(experiment: Experiment) -> NodeTable:
-    geometry = experiment.geometry
-    driven = experiment.driven_axes("position")
-    held = driven | geometry.fixed[:, np.newaxis]
-    masses = np.where(held, 1.0, geometry.masses[:, np.newaxis])
-    return NodeTable(
-        mass=geometry.masses.copy(),
-        inverse_mass=np.where(held, 0.0, 1.0 / masses),
-        drag=node_drag(experiment),
-        weight=geometry.masses[:, np.newaxis] * np.array(experiment.gravity),
-        driven=driven,
-    )
-
-
-def _drives(experiment: Experiment, used: list[str]) -> Drives:
-    rows: dict[str, list[tuple[int, int, int]]] = {"position": [], "force": []}
-    for actuator in experiment.actuators:
-        for axis in range(3):
-            if actuator.axes[axis]:
-                rows[actuator.type].append((actuator.node, axis, used.index(actuator.signal)))
-    columns = [
-        np.array([row[column] for row in rows[kind]], dtype=np.int64)
-        for kind in ("position", "force")
-        for column in range(3)
-    ]
-    return Drives(*columns)
-
-
 # --- what cannot be done, and what should be known -------------------------------------------
 
 
@@ -145,18 +41,19 @@ def supports(experiment: Experiment) -> list[Finding]:
 
 def _refusals(experiment: Experiment) -> Iterator[Finding]:
     geometry = experiment.geometry
-    for name, elements, soft in (
-        ("bars", geometry.bars, "a stiffness"),
-        ("hinges", geometry.hinges, "a stiffness"),
-    ):
-        if elements.rigid.any():
+    scheme = INTEGRATORS.get(experiment.integrator)
+    able = [name for name, other in INTEGRATORS.items() if other.rigid != "no"]
+    for name, elements in (("bars", geometry.bars), ("hinges", geometry.hinges)):
+        if elements.rigid.any() and scheme is not None and scheme.rigid == "no":
             yield Finding(
                 code=f"DEM-RIGID-{name.upper()}",
                 level="error",
                 path=f"elements/{name}/rigid",
-                found=f"{int(elements.rigid.sum())} rigid {name}",
-                expected=f"{name} with {soft}; constraints are not modelled",
-                fix="give them a stiffness about 100 times that of the soft ones",
+                found=f"{int(elements.rigid.sum())} rigid {name} with the integrator"
+                f" {scheme.name!r}",
+                expected="an integrator for constraints: " + (", ".join(able) or "none yet"),
+                fix="choose one of these, or give them a stiffness about 100 times that of the"
+                " soft ones",
             )
     if experiment.collision.enabled and geometry.collidable.sum() > 1:
         yield Finding(
@@ -176,17 +73,8 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
             expected="one of " + ", ".join(INTEGRATORS),
             fix="choose one of these",
         )
-    prescribed = experiment.driven_axes("position") | geometry.fixed[:, np.newaxis]
+    prescribed = experiment.held_axes
     for number, actuator in enumerate(experiment.actuators):
-        if actuator.type == "velocity":
-            yield Finding(
-                code="DEM-VELOCITY-ACTUATOR",
-                level="error",
-                path=f"actuators[{number}].type",
-                found="a velocity actuator",
-                expected="position or force",
-                fix="integrate the signal and drive the position",
-            )
         clash = np.flatnonzero(prescribed[actuator.node] & np.array(actuator.axes))
         if actuator.type == "force" and len(clash):
             fixed = geometry.fixed[actuator.node]
@@ -195,7 +83,7 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
                 level="error",
                 path=f"actuators[{number}].axes",
                 found=f"a force on {'xyz'[clash[0]]} of node {actuator.node}, which is "
-                + ("fixed" if fixed else "position-driven"),
+                + ("fixed" if fixed else "driven"),
                 expected="forces on axes that can move",
                 fix="drop the axis or the actuator: the force would have no effect",
             )
@@ -226,7 +114,7 @@ def _degenerate_hinges(experiment: Experiment) -> Iterator[Finding]:
 def remarks(experiment: Experiment) -> Iterator[str]:
     """Yield what the reader of the result should know; nothing of it stops the run."""
     yield from experiment.notes
-    limit = stable_step(experiment, node_drag(experiment))
+    limit = stable_step(experiment)
     if experiment.dt > limit:
         yield (
             f"dt = {experiment.dt:g} s is above {limit:.3g} s, the stability limit of rk4"

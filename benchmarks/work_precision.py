@@ -1,0 +1,328 @@
+"""Error against cost of every integrator that the engine offers, on three scenes.
+
+    python benchmarks/work_precision.py [--scenes lat10] [--integrators rk4] [--rounds 3]
+                                        [--longest 10] [--plot FILE.png] [--json FILE]
+
+Every integrator runs down a ladder of time steps (or of tolerances, if it chooses its steps)
+until the error is below 3e-8 or a run would take longer than ``--longest`` seconds. The error
+is the largest, over ten sample times, of the rms position error over the rms displacement of
+the reference from the start; the reference is DOP853 of SciPy at rtol 1e-12, and what it
+differs by from rtol 1e-11 is printed as its own uncertainty. Cost is CPU time of one thread,
+setting up and compiling left out, and the number of force evaluations where it is known.
+
+The yardstick is our own throw-away scalar Runge-Kutta loop (``peers/numba_scalar.py``).
+The table interpolates, on logarithmic axes, what a given error costs: CPU time, how many
+times less than the yardstick, force evaluations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from engine_scenes import Scene, make_scene, to_experiment
+from peers.numba_scalar import flat_tables, forces, inverse_masses, rk4
+from peers.ours import Outcome, prepare_integration
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.integrate import solve_ivp
+
+from openprc.demlat import integrators
+from openprc.demlat.plan import node_drag, supports
+from openprc.demlat.stability import stable_step
+from openprc.errors import OpenPRCError
+
+DURATIONS = {"lat10": 1.0, "miu4x8": 1.0, "miu4x8-stiff": 0.5}  # [s]
+N_SAMPLES = 10
+TARGETS = (1e-2, 1e-4, 1e-6)
+GOOD_ENOUGH = 3e-8
+#: Steps start this many times above the stability limit of rk4, for those that can take it.
+OVERSTEP = 16
+#: A scheme that gives nothing with this share of the step that is stable for rk4 never will.
+HOPELESS = 1.0 / 64.0
+TOLERANCES = tuple(10.0 ** -(0.5 * i) for i in range(4, 25))
+YARDSTICK = "scalar rk4"
+
+
+class LeftOut(Exception):
+    """An integrator cannot run a scene."""
+
+
+@dataclass
+class Rung:
+    """One run, repeated.
+
+    Attributes
+    ----------
+    step : float [s]
+        Or the tolerance [1], where `adaptive`.
+    error : float [1]
+        NaN where there was no result; `note` says why.
+    seconds : list of float [s]
+    """
+
+    step: float
+    adaptive: bool
+    run: Callable[[], Outcome]
+    error: float = math.nan
+    evaluations: int | None = None
+    note: str = ""
+    seconds: list[float] = field(default_factory=list)
+
+    def measure(self, reference: np.ndarray) -> None:
+        """Run once more."""
+        start = time.process_time()
+        try:
+            outcome = self.run()
+        except OpenPRCError as problem:
+            self.note = str(problem).splitlines()[0]
+            return
+        self.seconds.append(time.process_time() - start)
+        self.evaluations = outcome.evaluations
+        self.error = relative_error(outcome.positions, reference)
+
+    @property
+    def cost(self) -> float:
+        """Median CPU time [s]."""
+        return statistics.median(self.seconds)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        values = asdict(self)
+        del values["run"]
+        return values | {"error": None if math.isnan(self.error) else self.error}
+
+
+def relative_error(positions: np.ndarray, reference: np.ndarray) -> float:
+    """Return max over t > 0 of rms(x - x_ref) / rms(x_ref - x_0); frames are (T, N, 3) [m]."""
+    wrong = np.sqrt(np.mean((positions[1:] - reference[1:]) ** 2, axis=(1, 2)))
+    moved = np.sqrt(np.mean((reference[1:] - reference[0]) ** 2, axis=(1, 2)))
+    return float((wrong / moved).max())
+
+
+def converged(scene: Scene, *, duration: float) -> tuple[np.ndarray, float]:
+    """Return the reference frames (T, N, 3) [m] and their own uncertainty."""
+    tables, inverse = flat_tables(scene), inverse_masses(scene)[:, np.newaxis]
+    shape = scene.positions.shape
+    force = np.empty(shape)
+
+    def rate(_: float, state: np.ndarray) -> np.ndarray:
+        x, v = state.reshape(2, *shape)
+        forces(x, v, force, *tables)
+        return np.concatenate([np.where(inverse > 0, v, 0.0), force * inverse]).ravel()
+
+    start = np.concatenate([scene.positions, scene.velocities]).ravel()
+    times = np.linspace(0.0, duration, N_SAMPLES + 1)
+    frames = []
+    for tolerance in (1e-11, 1e-12):
+        solution = solve_ivp(
+            rate, (0.0, duration), start, "DOP853", times, rtol=tolerance, atol=tolerance / 10
+        )
+        frames.append(solution.y.T.reshape(-1, 2, *shape)[:, 0])
+    return frames[1], relative_error(*frames)
+
+
+# --- ladders ----------------------------------------------------------------------------------
+
+
+def yardstick(scene: Scene, *, duration: float, steps_per_frame: int) -> Callable[[], Outcome]:
+    """Return what runs the scalar loop, keeping the same frames as the engine."""
+    tables, inverse = flat_tables(scene), inverse_masses(scene)
+    h = duration / N_SAMPLES / steps_per_frame
+
+    def run() -> Outcome:
+        x, v = scene.positions.copy(), scene.velocities.copy()
+        frames = [x.copy()]
+        for _ in range(N_SAMPLES):
+            rk4(x, v, inverse, h, steps_per_frame, tables)
+            frames.append(x.copy())
+        return Outcome(np.array(frames), 4 * steps_per_frame * N_SAMPLES)
+
+    return run
+
+
+def ladder(
+    scene: Scene, name: str, *, duration: float, reference: np.ndarray, longest: float
+) -> list[Rung]:
+    """Return the measured rungs of one integrator, coarse ones first."""
+    frame = duration / N_SAMPLES
+    common = {"duration": duration, "save_interval": frame}
+    plain = to_experiment(scene, **common, dt=frame)
+    fewest = math.ceil(frame / stable_step(plain, node_drag(plain)))
+    adaptive = name in getattr(integrators, "ADAPTIVE", ("rk45", "dop853"))
+
+    def rungs() -> Any:
+        if adaptive:
+            for tolerance in TOLERANCES:
+                experiment = to_experiment(
+                    scene, **common, dt=frame / fewest, integrator=name, tolerance=tolerance
+                )
+                yield Rung(tolerance, True, prepare_integration(experiment))
+            return
+        first = 1 if name == YARDSTICK else OVERSTEP
+        counts = {max(1, fewest // 2**k) for k in range(first.bit_length())}
+        for n in itertools.chain(sorted(counts), (fewest * 2**k for k in itertools.count(1))):
+            if name == YARDSTICK:
+                run = yardstick(scene, duration=duration, steps_per_frame=n)
+            else:
+                experiment = to_experiment(scene, **common, dt=frame / n, integrator=name)
+                if problems := supports(experiment):
+                    raise LeftOut(f"{name} cannot run {scene.name}: {problems[0].found}")
+                run = prepare_integration(experiment)
+            yield Rung(frame / n, False, run)
+
+    measured: list[Rung] = []
+    for number, rung in enumerate(rungs()):
+        rung.measure(reference)
+        if number == 0:
+            # The first one may have compiled.
+            rung.seconds.clear()
+            rung.measure(reference)
+        measured.append(rung)
+        if rung.error < GOOD_ENOUGH or (rung.seconds and 2.0 * rung.cost > longest):
+            break
+        if rung.note and not adaptive and rung.step < HOPELESS * frame / fewest:
+            break
+    return measured
+
+
+def cost_of(rungs: list[Rung], target: float, cost: Callable[[Rung], float]) -> float | None:
+    """Return what an error of `target` costs, or None where no rung gets there."""
+    before = None
+    for rung in rungs:
+        if math.isnan(rung.error):
+            continue
+        if rung.error <= target:
+            if before is None:
+                return cost(rung)  # stability, not accuracy, sets the step
+            share = math.log(before.error / target) / math.log(before.error / rung.error)
+            return cost(before) * (cost(rung) / cost(before)) ** share
+        before = rung
+    return None
+
+
+# --- output -----------------------------------------------------------------------------------
+
+
+def scene_table(title: str, rungs: dict[str, list[Rung]]) -> Table:
+    """Return what the targets cost, one row an integrator."""
+    table = Table(title=title, title_justify="left")
+    table.add_column("", no_wrap=True)
+    for target in TARGETS:
+        table.add_column(f"to {target:.0e}", justify="right", no_wrap=True)
+
+    def seconds(rung: Rung) -> float:
+        return rung.cost
+
+    def evaluations(rung: Rung) -> float:
+        return float(rung.evaluations or math.nan)
+
+    for name, steps in rungs.items():
+        cells = []
+        for target in TARGETS:
+            cost, base = (cost_of(r, target, seconds) for r in (steps, rungs[YARDSTICK]))
+            if cost is None:
+                cells.append("never")
+                continue
+            cells.append(f"{1e3 * cost:.3g} ms")
+            if base is not None:
+                cells[-1] += f"  {base / cost:.2f} x"
+            count = cost_of(steps, target, evaluations)
+            if count is not None and not math.isnan(count):
+                cells[-1] += f"  {count:.0f} ev"
+        table.add_row(name, *cells)
+    return table
+
+
+def draw(path: Path, results: dict[str, dict[str, list[Rung]]]) -> None:
+    """Write the plot."""
+    import matplotlib as mpl  # noqa: PLC0415 - only for those who ask for a plot
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt  # noqa: PLC0415
+
+    figure, axes = plt.subplots(
+        2, len(results), figsize=(4.5 * len(results), 7.5), squeeze=False, layout="constrained"
+    )
+    for column, (scene, rungs) in enumerate(results.items()):
+        for name, steps in rungs.items():
+            good = [r for r in steps if not math.isnan(r.error) and r.error < 1.0]
+            style = {"marker": "o", "markersize": 3, "label": name}
+            style |= {"color": "0.6"} if name == YARDSTICK else {}
+            errors = [r.error for r in good]
+            axes[0, column].loglog([1e3 * r.cost for r in good], errors, **style)
+            if all(r.evaluations for r in good):
+                axes[1, column].loglog([r.evaluations for r in good], errors, **style)
+        axes[0, column].set(title=f"{scene}, {DURATIONS[scene]:g} s", xlabel="CPU time [ms]")
+        axes[1, column].set(xlabel="force evaluations [1]")
+        for axis in axes[:, column]:
+            axis.grid(which="both", alpha=0.3)
+            axis.set_ylabel("rms error / rms displacement [1]")
+    axes[0, 0].legend()
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    offered = list(getattr(integrators, "INTEGRATORS", ("rk4",)))
+    parser.add_argument("--scenes", nargs="+", choices=list(DURATIONS), default=list(DURATIONS))
+    parser.add_argument("--integrators", nargs="+", choices=offered, default=offered)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--longest", type=float, default=10.0, help="seconds of one run")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    options = parser.parse_args()
+    console = Console(width=max(Console().width, 110))
+
+    results: dict[str, dict[str, list[Rung]]] = {}
+    uncertainty: dict[str, float] = {}
+    left_out: list[str] = []
+    for scene_name in options.scenes:
+        scene, duration = make_scene(scene_name), DURATIONS[scene_name]
+        reference, uncertainty[scene_name] = converged(scene, duration=duration)
+        rungs = results[scene_name] = {}
+        for name in track([YARDSTICK, *options.integrators], scene_name, transient=True):
+            try:
+                rungs[name] = ladder(
+                    scene, name, duration=duration, reference=reference, longest=options.longest
+                )
+            except LeftOut as reason:
+                left_out.append(str(reason))
+        # Further rounds go through everything in turn, so that a busy spell hits all alike.
+        for _ in range(options.rounds - 1):
+            for rung in itertools.chain(*rungs.values()):
+                if rung.seconds:
+                    rung.measure(reference)
+        title = f"{scene_name}, {duration:g} s; reference good to {uncertainty[scene_name]:.0e}"
+        console.print(scene_table(title, rungs))
+    for line in left_out:
+        console.print(line)
+    if options.plot:
+        draw(options.plot, results)
+    if options.json:
+        content = {
+            scene: {
+                "duration_s": DURATIONS[scene],
+                "reference_uncertainty": uncertainty[scene],
+                "integrators": {n: [r.as_dict() for r in steps] for n, steps in rungs.items()},
+            }
+            for scene, rungs in results.items()
+        }
+        options.json.write_text(json.dumps(content, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
