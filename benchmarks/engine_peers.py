@@ -13,9 +13,9 @@ A peer that cannot be started, or cannot model a scene, is left out with the rea
 them run as processes of their own and take turns in every round; times are CPU time. Of a
 ratio, the median over rounds of the ratio within a round comes first, and after the slash
 that of the best rounds: other work on the machine can only slow a peer down. The error is
-the largest deviation from the scheme in NumPy after 20 steps. The limit is what the arithmetic of the
-scene takes at the measured peak of multiply-adds, or its roots and divisions at the measured
-throughput of the divider, whichever is longer.
+the largest deviation from the scheme in NumPy after 20 steps. The limit is what the
+arithmetic of the scene takes at the measured peak of multiply-adds, or its roots and
+divisions at the measured throughput of the divider, whichever is longer.
 
 The last tables are from input files to output file: 20,000 steps of 0.1 ms (upstream: 1000),
 every tenth saved. What our run costs beyond "steps only" is files and derived quantities.

@@ -31,15 +31,13 @@ from typing import Any
 import numpy as np
 from engine_scenes import Scene, make_scene, to_experiment
 from peers.numba_scalar import flat_tables, forces, inverse_masses, rk4
-from peers.ours import Outcome, prepare_integration
+from peers.ours import Outcome, prepare_integration, refusal, stable_dt
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from openprc.demlat import integrators
-from openprc.demlat.plan import node_drag, supports
-from openprc.demlat.stability import stable_step
 from openprc.errors import OpenPRCError
 
 DURATIONS = {"lat10": 1.0, "miu4x8": 1.0, "miu4x8-stiff": 0.5}  # [s]
@@ -158,7 +156,7 @@ def ladder(
     frame = duration / N_SAMPLES
     common = {"duration": duration, "save_interval": frame}
     plain = to_experiment(scene, **common, dt=frame)
-    fewest = math.ceil(frame / stable_step(plain, node_drag(plain)))
+    fewest = math.ceil(frame / stable_dt(plain))
     adaptive = name in getattr(integrators, "ADAPTIVE", ("rk45", "dop853"))
 
     def rungs() -> Any:
@@ -176,8 +174,8 @@ def ladder(
                 run = yardstick(scene, duration=duration, steps_per_frame=n)
             else:
                 experiment = to_experiment(scene, **common, dt=frame / n, integrator=name)
-                if problems := supports(experiment):
-                    raise LeftOut(f"{name} cannot run {scene.name}: {problems[0].found}")
+                if reason := refusal(experiment):
+                    raise LeftOut(f"{name} cannot run {scene.name}: {reason}")
                 run = prepare_integration(experiment)
             yield Rung(frame / n, False, run)
 

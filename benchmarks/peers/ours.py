@@ -1,4 +1,4 @@
-"""This package's own loop, as the engine calls it: the only file that knows its insides."""
+"""This package's own loop, as the engine calls it: the only file here that knows its insides."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from engine_scenes import Scene, to_experiment
 
-from openprc.demlat.integrators.rk4 import advance
-from openprc.demlat.models.barhinge.model import BarHingeModel
-from openprc.demlat.models.barhinge.tables import FrameBuffer, Work
-from openprc.demlat.plan import make_plan
+from openprc.demlat import BarHingeModel
+from openprc.demlat.integrators import INTEGRATORS, Settings
+from openprc.demlat.integrators.stepping import FixedControl, advance
+from openprc.demlat.models.barhinge.assembly import assemble
+from openprc.demlat.models.barhinge.support import supports
+from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
 from openprc.schema import Experiment
 from peers.serving import Run, serve
-
-#: Force evaluations a step; integrators that are not named here count as unknown.
-EVALUATIONS_A_STEP = {"rk4": 4, "verlet": 1, "pefrl": 4}
 
 
 @dataclass(frozen=True)
@@ -36,16 +35,28 @@ class Outcome:
 
 def ours(scene: Scene) -> Run:
     """Return a function that runs n steps with nothing saved but the end."""
-    plan = make_plan(to_experiment(scene, duration=scene.dt, save_interval=scene.dt))
-    n_nodes = len(plan.positions)
-    out, work = FrameBuffer.for_frames(1, n_nodes), Work.for_nodes(n_nodes)
-    tables = (plan.nodes, plan.bars, plan.hinges, plan.drives, plan.signals)
+    experiment = to_experiment(scene, duration=scene.dt, save_interval=scene.dt)
+    assembly = assemble([experiment])
+    body, packing, unit = assembly.body, assembly.packing, assembly.scaler
+    settings = Settings(h=scene.dt / unit.time, frame_time=scene.dt / unit.time)
+    scheme = INTEGRATORS["rk4"].load().for_body(body, settings)
+    geometry = experiment.geometry
+    out = FrameBuffer.for_frames(
+        1,
+        n_nodes=geometry.n_nodes,
+        dims=packing.dims,
+        n_bars=len(geometry.bars),
+        n_hinges=len(geometry.hinges),
+    )
+    start = [np.array(column) for column in assembly.state]
+    energy = np.zeros(4 * LEDGER_STRIDE)
 
     def run(n_steps: int) -> np.ndarray:
-        x, v, ledger = plan.positions.copy(), plan.velocities.copy(), np.zeros(2)
-        limit = plan.escape_limit
-        advance(x, v, ledger, work, *tables, 0, 1, n_steps, plan.step, limit, out)
-        return x
+        for column, first in zip(assembly.state, start, strict=True):
+            column[...] = first
+        control = FixedControl(settings.frame_time, n_steps, settings.h, np.inf)
+        advance(scheme, body, assembly.state, energy, control, 0, 1, unit.output, out)
+        return np.array(out.x[0])
 
     return run
 
@@ -53,7 +64,8 @@ def ours(scene: Scene) -> Run:
 def prepare_integration(experiment: Experiment) -> Callable[[], Outcome]:
     """Return what runs an experiment in memory, from t = 0 each time, all frames kept."""
     model = BarHingeModel(experiment)
-    each = EVALUATIONS_A_STEP.get(experiment.integrator)
+    scheme = INTEGRATORS[experiment.integrator]
+    each = scheme.stages if scheme.step == "fixed" else None
     steps = experiment.steps_per_frame * (experiment.n_frames - 1)
 
     def run() -> Outcome:
@@ -61,6 +73,11 @@ def prepare_integration(experiment: Experiment) -> Callable[[], Outcome]:
         return Outcome(frames, None if each is None else each * steps)
 
     return run
+
+
+def refusal(experiment: Experiment) -> str:
+    """Return why the engine does not run an experiment; empty when it does."""
+    return "; ".join(finding.found for finding in supports(experiment))
 
 
 if __name__ == "__main__":

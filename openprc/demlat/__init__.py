@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from openprc.demlat.engine import Engine
+    from openprc.demlat.ensemble import EnsembleResult, run_ensemble
     from openprc.demlat.models.barhinge.model import BarHingeModel
+    from openprc.demlat.scaling import SimulationScaler
     from openprc.demlat.setup import SimulationSetup
     from openprc.demlat.simulation import Simulation
 
@@ -19,10 +21,21 @@ _LAZY = {
     "BarHingeModel": "openprc.demlat.models.barhinge.model",
     "Engine": "openprc.demlat.engine",
     "Simulation": "openprc.demlat.simulation",
+    "EnsembleResult": "openprc.demlat.ensemble",
+    "SimulationScaler": "openprc.demlat.scaling",
     "SimulationSetup": "openprc.demlat.setup",
+    "run_ensemble": "openprc.demlat.ensemble",
 }
 
-__all__ = ["BarHingeModel", "Engine", "Simulation", "SimulationSetup"]
+__all__ = [
+    "BarHingeModel",
+    "Engine",
+    "EnsembleResult",
+    "Simulation",
+    "SimulationScaler",
+    "SimulationSetup",
+    "run_ensemble",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -72,7 +72,7 @@ class Drive:
 
     def add_to(self, setup: SimulationSetup, name: str, *, unit: str | None = None) -> str:
         """Add this drive to `setup` as the signal `name`, and return the name."""
-        setup.add_signal(name, self.values, dt=self.dt, interpolation=self.interpolation, unit=unit)
+        setup.add_signal(name, self, unit=unit)
         return name
 
     def scaled(self, factor: float) -> Drive:

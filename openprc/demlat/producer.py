@@ -11,6 +11,7 @@ from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
 from openprc.demlat.signal_table import sample_signal
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
+from openprc.schema.geometry import Bars, Hinges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,23 +114,29 @@ class _Recorder:
                 "bars",
                 bars.indices,
                 series=series,
-                static={
-                    "rest_length": (bars.rest_length, "m"),
-                    "stiffness": (bars.stiffness, "N/m"),
-                    "damping": (bars.damping, "N*s/m"),
-                    "prestress": (bars.prestress, "1"),
-                },
+                static=_constants(
+                    bars,
+                    rest_length="m",
+                    stiffness="N/m",
+                    damping="N*s/m" if self.experiment.bar_damping == "axial" else "1",
+                    prestress="1",
+                    stiffness_cubic="N/m3",
+                    damping_cubic="N*s3/m3",
+                ),
             )
         if len(hinges):
             writer.declare_elements(
                 "hinges",
                 hinges.indices,
                 series={"angle": "rad", "torque": "N*m"},
-                static={
-                    "rest_angle": (hinges.rest_angle, "rad"),
-                    "stiffness": (hinges.stiffness, "N*m/rad"),
-                    "damping": (hinges.damping, "N*m*s/rad"),
-                },
+                static=_constants(
+                    hinges,
+                    rest_angle="rad",
+                    stiffness="N*m/rad",
+                    damping="N*m*s/rad",
+                    limit_low="rad",
+                    limit_high="rad",
+                ),
             )
         if len(geometry.faces):
             writer.declare_elements("faces", geometry.faces)
@@ -170,6 +177,26 @@ class _Recorder:
         )
 
 
+def _constants(elements: Bars | Hinges, **units: str) -> dict[str, tuple[Any, str | None]]:
+    """Return the constants of elements; special ones only where they say something."""
+    special = {
+        "stiffness_cubic": (elements.law == "cubic").any(),
+        "damping_cubic": (elements.law == "cubic").any(),
+        "limit_low": isinstance(elements, Hinges) and elements.limited.any(),
+        "limit_high": isinstance(elements, Hinges) and elements.limited.any(),
+    }
+    constants: dict[str, tuple[Any, str | None]] = {
+        name: (getattr(elements, name), unit)
+        for name, unit in units.items()
+        if special.get(name, True)
+    }
+    if elements.rigid.any():
+        constants["rigid"] = (elements.rigid.astype("u1"), None)
+    if (elements.law != "linear").any():
+        constants["law"] = ([str(law) for law in elements.law], None)
+    return constants
+
+
 def _inputs(experiment: Experiment) -> Mapping[str, dict[str, Any]]:
     """Return one input for each signal and each quantity that it drives."""
     uses: dict[tuple[str, str], list[str]] = {}
@@ -188,8 +215,8 @@ def _inputs(experiment: Experiment) -> Mapping[str, dict[str, Any]]:
             "unit": ACTUATOR_UNITS[quantity],
             "targets": targets,
         }
-        if signal.interpolation == "hold":
-            declaration |= {"sequence": signal.values, "hold": signal.dt, "start": 0.0}
+        if signal.sequence is not None:
+            declaration |= {"sequence": signal.sequence, "hold": signal.hold, "start": 0.0}
         # One signal may move one node and push another.
         key = name if names.count(name) == 1 else f"{name} {quantity}"
         inputs[key] = {"signal": signal, "declaration": declaration}

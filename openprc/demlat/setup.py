@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
 
 import numpy as np
 
+from openprc.demlat.drive import Drive
 from openprc.demlat.geometry_builder import GeometryBuilder, number
+from openprc.demlat.step_choice import with_chosen_step
 from openprc.errors import ConfigError, ResultExists
 from openprc.schema.experiment import (
     Actuator,
@@ -20,6 +22,7 @@ from openprc.schema.experiment import (
     Interpolation,
     Precision,
     Signal,
+    StepCheck,
     load_experiment,
     save_experiment,
 )
@@ -74,10 +77,10 @@ class SimulationSetup(GeometryBuilder):
     def add_signal(
         self,
         name: str,
-        data: ArrayLike,
+        data: ArrayLike | Drive,
         *,
-        dt: float,
-        interpolation: Interpolation = "linear",
+        dt: float | None = None,
+        interpolation: Interpolation | None = None,
         unit: str | None = None,
     ) -> None:
         """Add a named signal; each has its own time step.
@@ -85,11 +88,12 @@ class SimulationSetup(GeometryBuilder):
         Parameters
         ----------
         name : str
-        data : (T_u,), (T_u, 1) or (T_u, 3)
-            One column drives every enabled axis, three drive x, y and z.
+        data : (T_u,), (T_u, 1) or (T_u, 3), or Drive
+            One column drives every enabled axis, three drive x, y and z. A `Drive` of
+            `openprc.demlat.signals` brings its time step, interpolation and symbols.
         dt : float [s]
             Time between samples; sample k is at ``k * dt``.
-        interpolation : {"linear", "hold", "cubic"}
+        interpolation : {"linear", "hold", "cubic"}, default "linear"
             "hold" keeps each value for `dt` (symbols); "cubic" is the C2 spline.
         unit : str, optional
             "m", "N" or "m/s"; by default what the actuators need.
@@ -98,12 +102,30 @@ class SimulationSetup(GeometryBuilder):
             raise ConfigError(
                 f"a second signal named {name!r}", expected="unique names", key=f"signals/{name}"
             )
+        if isinstance(data, Drive):
+            if dt is not None or interpolation is not None:
+                raise ConfigError(
+                    "a Drive together with dt or interpolation",
+                    expected="the Drive alone: it brings its own",
+                    key=f"signals/{name}",
+                )
+            drive = data
+        elif dt is None:
+            raise ConfigError("no dt", expected="the time between samples", key=f"signals/{name}")
+        else:
+            drive = Drive(
+                values=np.asarray(data, dtype="f8"),
+                dt=number(dt, "dt"),
+                interpolation=interpolation or "linear",
+            )
         self._signals[name] = Signal(
             name=name,
-            values=np.asarray(data, dtype="f8"),
-            dt=number(dt, "dt"),
-            interpolation=interpolation,
+            values=drive.values,
+            dt=drive.dt,
+            interpolation=drive.interpolation,
             unit=unit,
+            sequence=drive.sequence,
+            hold=drive.hold,
         )
 
     def add_actuator(
@@ -144,12 +166,13 @@ class SimulationSetup(GeometryBuilder):
         self,
         *,
         duration: float,
-        dt: float,
+        dt: float | Literal["auto"],
         save_interval: float,
         integrator: str = "rk4",
         tolerance: float | None = None,
         constraint_tolerance: float | None = None,
         precision: Precision = "float64",
+        step_check: StepCheck = "refuse",
     ) -> None:
         """Set times and the scheme.
 
@@ -157,8 +180,10 @@ class SimulationSetup(GeometryBuilder):
         ----------
         duration : float [s]
             A multiple of `save_interval`.
-        dt : float [s]
-            Time step; `save_interval` is a multiple of it.
+        dt : float [s] or "auto"
+            Time step; `save_interval` is a multiple of it. "auto" is the largest one that is
+            not above `openprc.demlat.stability.StepLimit.recommended`; it is chosen when the
+            experiment is made or saved, and said in its `notes`.
         save_interval : float [s]
         integrator : str
             A name from `openprc.demlat.integrators.INTEGRATORS`.
@@ -167,10 +192,12 @@ class SimulationSetup(GeometryBuilder):
         constraint_tolerance : float, optional
             Largest relative violation of rigid elements.
         precision : {"float64", "float32"}
+        step_check : {"refuse", "warn"}
+            What happens when `dt` is above the stability limit.
         """
         self._times = {
             "duration": number(duration, "duration"),
-            "dt": number(dt, "dt"),
+            "dt": dt if isinstance(dt, str) else number(dt, "dt"),
             "save_interval": number(save_interval, "save_interval"),
             "integrator": integrator,
             "tolerance": None if tolerance is None else number(tolerance, "tolerance"),
@@ -178,7 +205,10 @@ class SimulationSetup(GeometryBuilder):
             if constraint_tolerance is None
             else number(constraint_tolerance, "constraint_tolerance"),
             "precision": precision,
+            "step_check": step_check,
         }
+        if isinstance(dt, str) and dt != "auto":
+            raise ConfigError(f"dt = {dt!r}", expected="a time in s, or 'auto'", key="dt")
 
     def set_physics(
         self,
@@ -236,12 +266,13 @@ class SimulationSetup(GeometryBuilder):
     # --- result -----------------------------------------------------------------------------
 
     def experiment(self) -> Experiment:
-        """Return what has been collected, unchecked.
+        """Return what has been collected, unchecked unless a time step has to be chosen.
 
         Raises
         ------
         ConfigError
-            When `set_simulation_params` was not called.
+            When `set_simulation_params` was not called, or when dt is "auto" and something is
+            wrong.
         """
         if not self._times:
             raise ConfigError(
@@ -250,15 +281,17 @@ class SimulationSetup(GeometryBuilder):
                 fix="call set_simulation_params()",
                 file=self.directory,
             )
-        return Experiment(
+        chosen = self._times["dt"] == "auto"
+        experiment = Experiment(
             geometry=self.geometry(),
             signals=self._signals,
             actuators=tuple(self._actuators),
             overwrite=self.overwrite,
             path=self.directory,
-            **self._times,
+            **self._times | ({"dt": self._times["save_interval"]} if chosen else {}),
             **self._physics,
         )
+        return with_chosen_step(experiment) if chosen else experiment
 
     def save(self, directory: str | Path | None = None) -> tuple[Path, ...]:
         """Check everything and write the three input files.
@@ -295,7 +328,7 @@ class SimulationSetup(GeometryBuilder):
             name: getattr(experiment, name)
             for name in (
                 *("duration", "dt", "save_interval", "integrator"),
-                *("tolerance", "constraint_tolerance", "precision"),
+                *("tolerance", "constraint_tolerance", "precision", "step_check"),
             )
         }
         self._physics = {

@@ -57,6 +57,9 @@ class SimulationSection(_Section):
     precision: Literal["float64", "float32"] = Field(
         default="float64", description="floating-point format of the state"
     )
+    step_check: Literal["refuse", "warn"] = Field(
+        default="refuse", description="what happens when dt is above the stability limit"
+    )
 
     @model_validator(mode="after")
     def _commensurate(self) -> SimulationSection:

@@ -30,6 +30,8 @@ BarDamping = Literal["axial", "printed"]
 BAR_DAMPINGS: tuple[BarDamping, ...] = get_args(BarDamping)
 Precision = Literal["float64", "float32"]
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
+StepCheck = Literal["refuse", "warn"]
+STEP_CHECKS: tuple[StepCheck, ...] = get_args(StepCheck)
 ActuatorType = Literal["position", "force", "velocity"]
 ACTUATOR_TYPES: tuple[ActuatorType, ...] = get_args(ActuatorType)
 #: The SI unit that the values of a signal have, by what they do.
@@ -69,6 +71,11 @@ class Signal:
         After the last sample its value stays.
     unit : str, optional
         SI unit of the values; None leaves it to what the signal drives.
+    sequence : (K, C), optional
+        The symbols that the values were made from, which tasks with delays work on; for a
+        held signal these are its values.
+    hold : float [s], optional
+        How long a symbol lasts; symbol k begins at ``k * hold``.
     """
 
     name: str
@@ -76,11 +83,19 @@ class Signal:
     dt: float
     interpolation: Interpolation = "linear"
     unit: str | None = None
+    sequence: NDArray[np.float64] | None = None
+    hold: float | None = None
 
     def __post_init__(self) -> None:
-        array = np.array(self.values, dtype="f8")
-        object.__setattr__(self, "values", array.reshape(-1, 1) if array.ndim == 1 else array)
-        self.values.flags.writeable = False
+        if self.interpolation == "hold" and self.sequence is None:
+            object.__setattr__(self, "sequence", self.values)
+            object.__setattr__(self, "hold", self.dt)
+        for name in ("values", "sequence"):
+            if getattr(self, name) is not None:
+                array = np.array(getattr(self, name), dtype="f8")
+                array = array.reshape(-1, 1) if array.ndim == 1 else array
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
 
     @property
     def duration(self) -> float:
@@ -161,6 +176,9 @@ class Experiment:
         projection; 1e-13 unless given.
     precision : {"float64", "float32"}
         Of the state in the integrator.
+    step_check : {"refuse", "warn"}
+        What happens when `dt` is above the stability limit that is estimated before the run:
+        nothing is run, or it runs with a remark.
     overwrite : bool
         A new run may replace the finished result of an earlier one.
     path : Path, optional
@@ -186,6 +204,7 @@ class Experiment:
     tolerance: float | None = None
     constraint_tolerance: float | None = None
     precision: Precision = "float64"
+    step_check: StepCheck = "refuse"
     overwrite: bool = False
     path: Path | None = None
     sources: tuple[Path, ...] = ()
@@ -231,7 +250,8 @@ class Experiment:
         massive = masses > 0
         if not massive.any():
             return np.zeros(len(masses))
-        return self.damping * masses / masses[massive].mean()
+        drag: NDArray[np.float64] = self.damping * masses / masses[massive].mean()
+        return drag
 
     @property
     def planar(self) -> bool:
@@ -272,6 +292,8 @@ class Experiment:
                 simulation[name] = float(getattr(self, name))
         if self.precision != "float64":
             simulation["precision"] = self.precision
+        if self.step_check != "refuse":
+            simulation["step_check"] = self.step_check
         return {
             "openprc_config": "1.0",
             "simulation": simulation,

@@ -16,6 +16,7 @@ from openprc.schema.experiment import (
     BAR_DAMPINGS,
     INTERPOLATIONS,
     PRECISIONS,
+    STEP_CHECKS,
     Experiment,
     Signal,
     whole_multiple,
@@ -82,6 +83,21 @@ def check_signal(name: str, signal: Signal, mistakes: Mistakes) -> None:
         )
     if signal.unit is not None and signal.unit not in UNITS:
         mistakes.add(f"{key}@unit", repr(signal.unit), expected="one of " + " ".join(UNITS))
+    if (signal.sequence is None) != (signal.hold is None):
+        mistakes.add(
+            f"{key}@hold",
+            "a sequence without hold" if signal.hold is None else "hold without a sequence",
+            expected="both, or none",
+        )
+    elif signal.sequence is not None and signal.hold is not None:
+        if not (np.isfinite(signal.hold) and signal.hold > 0):
+            mistakes.add(f"{key}@hold", f"{signal.hold}", expected="a time above 0 s")
+        if signal.sequence.ndim != 2 or not np.isfinite(signal.sequence).all():
+            mistakes.add(
+                f"sequences/{name}",
+                f"shape {signal.sequence.shape}, or numbers that are not finite",
+                expected="finite numbers (K, C)",
+            )
     values = signal.values
     if values.ndim != 2 or values.shape[1] not in (1, 3):
         mistakes.add(
@@ -122,6 +138,7 @@ def check_times(experiment: Experiment, mistakes: Mistakes) -> None:
     for key, value, known in (
         ("physics.bar_damping", experiment.bar_damping, BAR_DAMPINGS),
         ("simulation.precision", experiment.precision, PRECISIONS),
+        ("simulation.step_check", experiment.step_check, STEP_CHECKS),
     ):
         if value not in known:
             mistakes.add(key, repr(value), expected="one of " + ", ".join(known))

@@ -5,9 +5,9 @@ Layout of geometry.h5: root attributes ``openprc_schema`` "1.0" and ``kind`` "ge
 ``elements/bars/{indices, stiffness, rest_length, damping, prestress, rigid, law?,
 stiffness_cubic?, damping_cubic?}``, ``elements/hinges/{indices, stiffness, rest_angle,
 damping, rigid, law?, limit_low?, limit_high?}``, ``elements/faces/indices``. Layout of
-signals.h5: ``signals/<name>`` with the attributes ``dt``, ``unit`` and ``interpolation``. The
-older layout is described in
-`openprc.schema.experiment_legacy`.
+signals.h5: ``signals/<name>`` with the attributes ``dt``, ``unit`` and ``interpolation``, and
+``sequences/<name>`` with the attribute ``hold`` where symbols were interpolated. The older
+layout is described in `openprc.schema.experiment_legacy`.
 """
 
 from __future__ import annotations
@@ -125,6 +125,7 @@ def read_experiment(directory: str | Path) -> Experiment:
         tolerance=times.tolerance,
         constraint_tolerance=times.constraint_tolerance,
         precision=times.precision,
+        step_check=times.step_check,
         overwrite=config.export.overwrite,
         path=folder.parent if folder.name == "input" else folder,
         sources=tuple(sources),
@@ -213,12 +214,18 @@ def _read_signals(path: Path) -> dict[str, Signal]:
                 si = _si_unit(unit)
                 values = values * conversion_factor(unit, si, file=str(path), key=key)
                 unit = si
+            symbols: dict[str, Any] = {}
+            if reader.has(f"sequences/{name}"):
+                symbols["sequence"] = reader.get(f"sequences/{name}", kind="number")
+                held = file[f"sequences/{name}"].attrs.get("hold")
+                symbols["hold"] = read_number(held, path, f"sequences/{name}@hold")
             signals[name] = Signal(
                 name=name,
                 values=values,
                 dt=dt,
                 interpolation=read_text(attrs.get("interpolation", "linear")) or "?",  # type: ignore[arg-type]
                 unit=unit,
+                **symbols,
             )
     return signals
 
@@ -319,3 +326,7 @@ def _write_signals(experiment: Experiment, path: Path) -> None:
             unit = signal.unit or (next(iter(units)) if len(units) == 1 else None)
             if unit is not None:
                 dataset.attrs["unit"] = unit
+            # The symbols of a held signal are its values.
+            if signal.sequence is not None and signal.interpolation != "hold":
+                symbols = file.create_dataset(f"sequences/{name}", data=signal.sequence)
+                symbols.attrs["hold"] = float(signal.hold or 0.0)

@@ -50,6 +50,13 @@ def test_the_file_says_all_that_happened(folder):
             "potential_energy",
             "total_energy",
             "work_in",
+            "elastic_energy_bars",
+            "elastic_energy_hinges",
+            "gravity_energy",
+            "dissipated_drag",
+            "dissipated_bars",
+            "dissipated_hinges",
+            "dissipated_contact",
             "dissipated",
         }
         x, v = run.positions(), run.velocities()

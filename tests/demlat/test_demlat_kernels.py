@@ -1,12 +1,17 @@
 """The compiled kernels against plain NumPy, and gradients against differences."""
 
+import math
+
 import numpy as np
 import pytest
 
 from openprc.demlat import observables
-from openprc.demlat.models.barhinge import kernels, laws
-from openprc.demlat.plan import make_plan
-from openprc.demlat.signals import sample_signal, signal_table
+from openprc.demlat.compiled.jit import entry
+from openprc.demlat.models.barhinge import drive_kernels, laws
+from openprc.demlat.models.barhinge.assembly import assemble
+from openprc.demlat.models.barhinge.dynamics_kernels import evaluate, observe
+from openprc.demlat.models.barhinge.tables import LEDGER, LEDGER_STRIDE
+from openprc.demlat.signal_table import columns_of, sample_signal, signal_table
 from openprc.schema.experiment import Signal
 from openprc.schema.geometry import Hinges
 
@@ -50,6 +55,10 @@ def arccos_angle(x, indices):
     return (sign * np.arccos(np.clip(cosine, -1, 1))) % (2 * np.pi)
 
 
+def wrapped(angle):
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
 def central_differences(function, x, step=1e-6):
     gradient = np.zeros_like(x)
     for index in np.ndindex(*x.shape):
@@ -60,38 +69,74 @@ def central_differences(function, x, step=1e-6):
     return gradient
 
 
-def compiled_forces(scene, x, v):
-    plan = make_plan(scene)
-    force = np.empty_like(x)
-    loss = kernels.body_forces(x, v, force, plan.nodes, plan.bars, plan.hinges)
-    return force, loss
+@entry
+def forces_of(stamp):
+    def run(body, x, v, force, rates, energy):
+        _ = stamp
+        evaluate(body, x, v, force, rates, 0.0, 0.0, 1.0)
+        observe(body, x, v, energy)
+
+    return run
+
+
+@entry
+def column_at(stamp):
+    def run(table, column, t, t_from, t_to):
+        _ = stamp
+        value, rate = drive_kernels.value_and_rate(table, column, t, t_from, t_to)
+        return value, rate, drive_kernels.acceleration(table, column, t, t_from, t_to)
+
+    return run
+
+
+def compiled_forces(scene, x, v, vectors=False):
+    """Forces [N], powers lost by kind [W] and energies by kind [J] at any state."""
+    assembly = assemble([scene], vectors=vectors)
+    body, packing, unit = assembly.body, assembly.packing, assembly.scaler
+    force, energy = np.zeros_like(body.mass), np.zeros(4 * LEDGER_STRIDE)
+    rates = np.zeros(len(LEDGER) * LEDGER_STRIDE)
+    flat = packing.coordinates
+    forces_of(
+        body, flat(x[None] / unit.length), flat(v[None] / unit.velocity), force, rates, energy
+    )
+    powers = rates.reshape(-1, LEDGER_STRIDE).sum(axis=1) * unit.moment / unit.time
+    energies = energy.reshape(-1, LEDGER_STRIDE).sum(axis=1) * unit.moment
+    return packing.nodes(force)[0] * unit.force, powers, energies
 
 
 def test_forces_are_minus_the_gradient_of_the_energy(body):
     scene = random_scene(body)
     x = scene.geometry.positions.copy()
-    force, loss = compiled_forces(scene, x, np.zeros_like(x))
+    force, powers, _ = compiled_forces(scene, x, np.zeros_like(x))
     expected = -central_differences(lambda at: numpy_energy(scene, at), x)
     np.testing.assert_allclose(force, expected, atol=2e-8 * np.abs(force).max())
-    assert loss == 0
+    assert not powers.any()
 
 
 def test_the_compiled_energy_is_that_of_numpy(body):
     scene = random_scene(body)
-    plan = make_plan(scene)
     x, v = scene.geometry.positions.copy(), scene.geometry.velocities.copy()
-    energy = kernels.potential_energy(x, plan.nodes, plan.bars, plan.hinges)
-    assert energy == pytest.approx(numpy_energy(scene, x), rel=1e-13)
+    *_, energies = compiled_forces(scene, x, v)
+    assert energies[1:].sum() == pytest.approx(numpy_energy(scene, x), rel=1e-13)
     kinetic = 0.5 * np.sum(scene.geometry.masses[:, None] * v**2)
-    assert kernels.kinetic_energy(v, plan.nodes, False) == pytest.approx(kinetic, rel=1e-14)
+    assert energies[0] == pytest.approx(kinetic, rel=1e-14)
+
+
+def test_lanes_give_what_single_elements_give(body):
+    scene = random_scene(body)
+    x, v = scene.geometry.positions.copy(), scene.geometry.velocities.copy()
+    for one, many in zip(
+        compiled_forces(scene, x, v), compiled_forces(scene, x, v, vectors=True), strict=True
+    ):
+        np.testing.assert_allclose(many, one, rtol=1e-12, atol=1e-12 * np.abs(one).max())
 
 
 def test_damping_forces_against_numpy(body):
     scene = random_scene(body)
     geometry = scene.geometry
     x, v = geometry.positions.copy(), geometry.velocities.copy()
-    moving, loss = compiled_forces(scene, x, v)
-    resting, _ = compiled_forces(scene, x, np.zeros_like(v))
+    moving, powers, _ = compiled_forces(scene, x, v)
+    resting, *_ = compiled_forces(scene, x, np.zeros_like(v))
     drag = 0.7 * geometry.masses / geometry.masses.mean()
     expected = -drag[:, None] * v
     i, j = geometry.bars.indices.T
@@ -105,7 +150,7 @@ def test_damping_forces_against_numpy(body):
     np.add.at(expected, geometry.hinges.indices, -moment)
     np.testing.assert_allclose(moving - resting, expected, atol=1e-12 * np.abs(moving).max())
     # Everything that the damping forces take is booked.
-    assert loss == pytest.approx(-np.sum(expected * v), rel=1e-12)
+    assert powers[1:].sum() == pytest.approx(-np.sum(expected * v), rel=1e-12)
 
 
 def fold(angle, scale=1.0, skew=0.3):
@@ -126,7 +171,7 @@ def test_hinge_gradient_against_differences(angle, scale):
     assert min(abs(measured - angle), abs(2 * np.pi - measured - angle)) < 1e-12
     gradient = observables.hinge_gradients(x[None], indices)[0, 0]
     expected = central_differences(
-        lambda at: laws.wrap_angle(observables.hinge_angles(at[None], hinge)[0, 0] - measured),
+        lambda at: wrapped(observables.hinge_angles(at[None], hinge)[0, 0] - measured),
         x,
         step=1e-6 * scale,
     )
@@ -154,42 +199,76 @@ def test_angle_conventions():
     assert angle(0, 1, 2, 3) == pytest.approx(np.pi, abs=1e-15)
 
 
-def test_tiny_bends_are_resolved():
-    # An arc cosine would lose everything below 1e-8 rad.
-    bend = 1e-12
-    x = np.array([[0, 0, 0], [1, 0, 0], [0, np.cos(bend), np.sin(bend)], [0, -1, 0]])
-    measured = kernels.hinge_frame(x, 0, 1, 2, 3)[0]
-    assert measured == pytest.approx(-bend, rel=1e-9)
+@pytest.mark.parametrize("exponent", range(-12, 1))
+@pytest.mark.parametrize("folded", [False, True])
+@pytest.mark.parametrize("vectors", [False, True])
+def test_hinge_forces_are_exact_from_flat_to_folded_shut(body, exponent, folded, vectors):
+    # An arc cosine would lose everything below 1e-8 rad. Wing i at height 1 over the crease,
+    # so its force is k times the bend, across the panel.
+    bend = 10.0**exponent
+    angle = np.pi - bend if folded else bend
+    wing = [0, math.cos(angle), math.sin(angle)]
+    scene = body(
+        [[0, 0, 0], [1, 0, 0], wing, [0, -1, 0]], [1] * 4, hinges=[(0, 1, 2, 3, 1.0, np.pi, 0)]
+    )
+    x = scene.geometry.positions.copy()
+    force, *_ = compiled_forces(scene, x, np.zeros_like(x), vectors=vectors)
+    # The angle that the rounded coordinates really have.
+    actual = math.atan2(wing[2], wing[1])
+    assert np.linalg.norm(force[2]) * math.hypot(*wing) == pytest.approx(actual, rel=1e-14)
 
 
 @pytest.mark.parametrize("turns", [-1, 0, 1])
-def test_rest_angles_may_be_given_in_any_turn(turns):
-    assert laws.wrap_angle(0.4 + 2 * np.pi * turns) == pytest.approx(0.4, abs=1e-14)
+def test_rest_angles_may_be_given_in_any_turn(body, turns):
+    x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [0, -1, 0]], dtype=float)
+    moments = [
+        compiled_forces(
+            body(x, [1] * 4, hinges=[(0, 1, 2, 3, 1.0, 0.4 + 2 * np.pi * n, 0)]), x, 0 * x
+        )[0]
+        for n in (0, turns)
+    ]
+    np.testing.assert_allclose(moments[1], moments[0], atol=1e-13)
+
+
+def test_the_arctangent_is_that_of_the_library():
+    rng = np.random.default_rng(3)
+    y, x = rng.normal(size=(2, 4000)) * 10.0 ** rng.uniform(-14, 3, size=(2, 4000))
+    ours = np.array([laws.arctangent(*pair) for pair in zip(y, x, strict=True)])
+    np.testing.assert_allclose(ours, np.arctan2(y, x), rtol=4e-16, atol=0)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "hold", "cubic"])
-def test_compiled_signals_are_those_of_numpy(interpolation):
+@pytest.mark.parametrize("integrated", [False, True])
+def test_compiled_signals_are_those_of_numpy(interpolation, integrated):
     rng = np.random.default_rng(4)
-    signals = [
-        Signal(name="a", values=rng.normal(size=5), dt=1.0),
-        Signal(name="b", values=rng.normal(size=(9, 3)), dt=0.3, interpolation=interpolation),
-    ]
-    table = signal_table(signals)
+    first = Signal(name="a", values=rng.normal(size=5), dt=1.0)
+    signal = Signal(name="b", values=rng.normal(size=(9, 3)), dt=0.3, interpolation=interpolation)
+    table = signal_table([*columns_of(first), *columns_of(signal, integrated=integrated)])
     times = np.linspace(0, 4, 57)
-    expected = sample_signal(signals[1], times)
-    h = 1e-6
-    for t, row in zip(times, expected, strict=True):
+    fine = np.linspace(0, 4, 560 * 64 + 1)
+    values = sample_signal(signal, fine)
+    sums = np.cumsum((values[1:] + values[:-1]) / 2 * (fine[1] - fine[0]), axis=0)
+    h = 1e-5
+    for t in times:
+        expected = sample_signal(signal, np.array([t]))[0]
         for axis in range(3):
-            value, rate = kernels.signal_at(table, 1, axis, t, t, t + h)
-            assert value == pytest.approx(row[axis], abs=1e-12)
-            ahead = kernels.signal_at(table, 1, axis, t + h, t, t + h)[0]
-            assert rate == pytest.approx((ahead - value) / h, abs=1e-3)
+            value, rate, second = column_at(table, 1 + axis, t, t, t + h)
+            if integrated:
+                assert rate == pytest.approx(expected[axis], abs=1e-12)
+                until = np.searchsorted(fine, t)
+                assert value == pytest.approx(sums[until - 1, axis] if until else 0.0, abs=2e-3)
+            else:
+                assert value == pytest.approx(expected[axis], abs=1e-12)
+            ahead = column_at(table, 1 + axis, t + h, t, t + h)
+            assert rate == pytest.approx((ahead[0] - value) / h, abs=5e-3)
+            assert second == pytest.approx((ahead[1] - rate) / h, abs=5e-2)
 
 
 def test_a_jump_at_the_end_of_a_step_is_not_seen_from_within_it():
-    table = signal_table([Signal(name="a", values=[1.0, 2.0], dt=0.3, interpolation="hold")])
-    assert kernels.signal_at(table, 0, 0, 3 * 0.1, 2 * 0.1, 3 * 0.1)[0] == 1.0
-    assert kernels.signal_at(table, 0, 0, 3 * 0.1, 3 * 0.1, 4 * 0.1)[0] == 2.0
+    held = Signal(name="a", values=[1.0, 2.0], dt=0.3, interpolation="hold")
+    table = signal_table(columns_of(held))
+    assert column_at(table, 0, 3 * 0.1, 2 * 0.1, 3 * 0.1)[0] == 1.0
+    assert column_at(table, 0, 3 * 0.1, 3 * 0.1, 4 * 0.1)[0] == 2.0
 
 
 def test_observables_against_plain_loops(body):

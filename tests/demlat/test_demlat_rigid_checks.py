@@ -2,10 +2,19 @@
 
 import numpy as np
 import pytest
-from rigid_bodies import TETRAHEDRON, braced, chain, dihedral, make, miura, moved
+from rigid_bodies import (
+    TETRAHEDRON,
+    braced,
+    chain,
+    constraints,
+    dihedral,
+    gauss_seidel,
+    make,
+    miura,
+    moved,
+)
 
 from openprc.demlat import observables
-from openprc.demlat.models.barhinge import constraints, gauss_seidel
 from openprc.demlat.models.barhinge.constraint_table import satisfy
 from openprc.errors import ConfigError
 

@@ -1,6 +1,8 @@
 """Energies, forces and stiffnesses of the static model against each other."""
 
+import doctest
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -306,3 +308,18 @@ def test_contact_and_prescribed_velocities_are_refused():
     with pytest.raises(UnsupportedScene, match=r"prescribed velocities at t = 0.5 s"):
         StaticProblem.from_experiment(moving, time=0.5)
     assert StaticProblem.from_experiment(moving).held[1].all()
+
+
+@pytest.mark.parametrize("name", ["assembly", "equilibrium", "inertia", "modes", "search"])
+def test_examples_print_what_they_say(name):
+    results = doctest.testmod(import_module(f"openprc.demlat.statics.{name}"))
+    assert results.attempted > 5
+    assert results.failed == 0
+
+
+def test_public_names_are_found_on_first_use():
+    package = import_module("openprc.demlat.statics")
+    assert sorted(package.__all__) == dir(package)
+    assert all(callable(getattr(package, name)) for name in package.__all__)
+    with pytest.raises(AttributeError, match="has no attribute 'follow_path'"):
+        package.follow_path  # noqa: B018

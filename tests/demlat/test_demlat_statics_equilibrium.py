@@ -124,6 +124,38 @@ def test_static_crease(height):
     np.testing.assert_allclose(found.reactions.sum(axis=0), 0.0, atol=1e-13)
 
 
+def pressed_crease(load):
+    """Return a hinge of "enhanced-linear" moment whose wing a load presses down, all arms 1."""
+    build = GeometryBuilder()
+    for point in ([-1, 0, 0], [1, 0, 0], [0, 1, 0]):
+        build.add_node(point, fixed=True)
+    wing = build.add_node([0, np.cos(0.9), np.sin(0.9)], mass=0.0)
+    for end in (0, 1):
+        build.add_bar(end, wing, stiffness=0.0, rigid=True)
+    rows = {"stiffness": 0.4, "law": "enhanced-linear", "limits": (0.5, 2 * np.pi - 0.5)}
+    build.add_hinge([0, 1, 2, wing], **rows)
+    loads = np.zeros((4, 3))
+    loads[wing, 2] = -load
+    return StaticProblem(geometry=build.geometry(), loads=loads)
+
+
+@pytest.mark.parametrize("load", [0.1, 1.0, 1e3])
+def test_panel_pressed_on_its_neighbour_stops_before_it(load):
+    problem = pressed_crease(load)
+    found = find_equilibrium(problem)
+    opening = np.arctan2(found.positions[3, 2], found.positions[3, 1])
+
+    def moment(angle):
+        if angle > 0.5:
+            return 0.4 * (0.9 - angle)
+        return 0.4 * (0.9 - 0.5 - 1 / np.pi * np.tan(np.pi * (angle - 0.5)))
+
+    expected = brentq(lambda angle: moment(angle) - load * np.cos(angle), 1e-9, 0.9, xtol=1e-15)
+    assert opening == pytest.approx(expected, rel=1e-9)
+    assert 0 < opening < 0.9
+    assert found.stability.kind == "stable"
+
+
 # --- chains -------------------------------------------------------------------------------------
 
 
@@ -309,6 +341,27 @@ def test_equilibrated_experiment_starts_at_rest_where_forces_balance():
     np.testing.assert_array_equal(still.geometry.bars.rest_length, geometry.bars.rest_length)
     np.testing.assert_array_equal(still.geometry.positions[[0, -1]], geometry.positions[[0, -1]])
     assert (still.dt, still.gravity) == (scene.dt, scene.gravity)
+
+
+def test_slow_mechanism_stops_at_the_force_that_counts_as_zero():
+    # Two bars in a line: sideways the energy grows with the fourth power only.
+    build = GeometryBuilder()
+    ends = [build.add_node([x, 0, 0], fixed=True) for x in (-1, 1)]
+    middle = build.add_node([0, 0, 0])
+    for end in ends:
+        build.add_bar(end, middle, stiffness=100.0)
+    start = build.geometry().positions.copy()
+    start[middle, 2] = 0.1
+    problem = StaticProblem(geometry=build.geometry())
+    rough = find_equilibrium(problem, start, force_tolerance=1e-4)
+    fine = find_equilibrium(problem, start)
+    assert rough.tolerance == 1e-4 > rough.residual > fine.residual
+    assert rough.iterations < fine.iterations
+    # Force k z^3 / L^2 on both sides.
+    assert abs(rough.positions[middle, 2]) == pytest.approx(
+        (rough.residual / 100) ** (1 / 3), rel=0.1
+    )
+    assert fine.stability.kind != "unstable"
 
 
 # --- when there is none -------------------------------------------------------------------------

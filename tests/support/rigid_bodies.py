@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from from_python import Compiled
 
 from openprc.demlat import observables
 from openprc.demlat.linear import PIVOT_TOLERANCE
@@ -15,6 +16,7 @@ from openprc.demlat.models.barhinge.constraint_table import (
 )
 from openprc.schema.geometry import Bars, Geometry, Hinges
 
+constraints, gauss_seidel = Compiled(constraints), Compiled(gauss_seidel)
 TETRAHEDRON = [(i, j) for i in range(4) for j in range(i)]
 
 

@@ -51,10 +51,10 @@ def entry(build: Callable[[int], Callable[..., Any]]) -> Callable[..., Any]:
     """
     function = build(source_stamp())
     try:
-        compiled: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(function)
+        compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
     except RuntimeError:
         # There is no folder in which the compiled code could be kept.
-        compiled = numba.njit(**_OPTIONS)(function)
+        compiled = numba.njit(nogil=True, **_OPTIONS)(function)
     return compiled
 
 

@@ -92,6 +92,45 @@ INTEGRATORS: Mapping[str, Integrator] = MappingProxyType(
                 stability="rk4",
                 use="damped bodies at a fixed step; the default",
             ),
+            Integrator(
+                name="verlet",
+                order=2,
+                path=f"{_HERE}.verlet:Verlet",
+                stages=1,
+                stability="verlet",
+                use="long undamped runs and coarse answers: one evaluation a step",
+            ),
+            Integrator(
+                name="pefrl",
+                order=4,
+                path=f"{_HERE}.pefrl:PEFRL",
+                stages=4,
+                stability="pefrl",
+                use="long undamped runs; with damping of order 4 still, but at 16 evaluations a step",
+            ),
+            Integrator(
+                name="respa",
+                order=2,
+                path=f"{_HERE}.respa:RESPA",
+                stages=1,
+                use="stiff bars with soft hinges: dt is the step of the hinges, bars take shorter ones",
+            ),
+            Integrator(
+                name="rk45",
+                order=5,
+                path=f"{_HERE}.rk45:RK45",
+                stages=6,
+                step="adaptive",
+                use="smooth motion to a tolerance of 1e-3 to 1e-5",
+            ),
+            Integrator(
+                name="dop853",
+                order=8,
+                path=f"{_HERE}.dop853:DOP853",
+                stages=12,
+                step="adaptive",
+                use="smooth motion to a tolerance of 1e-5 and less; the most exact one",
+            ),
         )
     }
 )

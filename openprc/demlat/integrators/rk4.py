@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
-from openprc.demlat.compiled.lanes import add, load, splat, store
+from openprc.demlat.compiled.lanes import add, load, store
 from openprc.demlat.integrators import Settings, stepping
 from openprc.demlat.integrators.ledger import book, make_rates
 from openprc.demlat.models.barhinge.drive_kernels import place_driven
@@ -41,41 +41,61 @@ class RK4(NamedTuple):
 
 
 @jit
-def _stage(work: Any, body: Any, x: Any, v: Any, weight: float, ahead: float) -> None:
-    """Add the derivative to the sums with `weight`, and go `ahead` from the step's start."""
+def _first(work: Any, body: Any, x: Any, v: Any, weight: float, ahead: float) -> None:
+    """Begin the sums with the derivative at the step's start, and go `ahead` from there."""
+    lanes = body.lanes
+    for at in range(0, x.size, len(lanes)):
+        slope_x = load(lanes, v, at, 0)
+        slope_v = load(lanes, work.force, at, 0) * load(lanes, body.inverse_mass, at, 0)
+        store(lanes, work.sum_x, at, weight * slope_x)
+        store(lanes, work.sum_v, at, weight * slope_v)
+        store(lanes, work.stage_x, at, load(lanes, x, at, 0) + ahead * slope_x)
+        store(lanes, work.stage_v, at, slope_x + ahead * slope_v)
+
+
+@jit
+def _middle(work: Any, body: Any, x: Any, v: Any, weight: float, ahead: float) -> None:
+    """Add a stage's derivative to the sums, and go `ahead` from the step's start with it."""
     lanes = body.lanes
     for at in range(0, x.size, len(lanes)):
         slope_x = load(lanes, work.stage_v, at, 0)
         slope_v = load(lanes, work.force, at, 0) * load(lanes, body.inverse_mass, at, 0)
-        store(lanes, work.sum_x, at, load(lanes, work.sum_x, at, 0) + weight * slope_x)
-        store(lanes, work.sum_v, at, load(lanes, work.sum_v, at, 0) + weight * slope_v)
+        add(lanes, work.sum_x, at, 0, weight * slope_x)
+        add(lanes, work.sum_v, at, 0, weight * slope_v)
         store(lanes, work.stage_x, at, load(lanes, x, at, 0) + ahead * slope_x)
         store(lanes, work.stage_v, at, load(lanes, v, at, 0) + ahead * slope_v)
 
 
 @jit
+def _last(work: Any, body: Any, x: Any, v: Any, weight: float) -> None:
+    """Add the last derivative and the sums to the state."""
+    lanes = body.lanes
+    for at in range(0, x.size, len(lanes)):
+        slope_v = load(lanes, work.force, at, 0) * load(lanes, body.inverse_mass, at, 0)
+        change_x = load(lanes, work.sum_x, at, 0) + weight * load(lanes, work.stage_v, at, 0)
+        add(lanes, x, at, 0, change_x)
+        add(lanes, v, at, 0, load(lanes, work.sum_v, at, 0) + weight * slope_v)
+
+
+@jit
 def rk4_step(work: Any, body: Any, state: Any, t: float, h: float) -> None:
     """Advance `state` in place from `t` to ``t + h``."""
-    x, v, lanes = state.x, state.v, body.lanes
-    zero = splat(lanes, 0.0)
-    for at in range(0, x.size, len(lanes)):
-        store(lanes, work.sum_x, at, zero)
-        store(lanes, work.sum_v, at, zero)
-        store(lanes, work.stage_x, at, load(lanes, x, at, 0))
-        store(lanes, work.stage_v, at, load(lanes, v, at, 0))
+    # Stages are a loop, so that the forces are compiled into it once.
     for stage in range(4):
-        outer = stage == 0 or stage == 3
-        weight = h / 6.0 if outer else h / 3.0
         stage_t = t + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+        x = state.x if stage == 0 else work.stage_x
+        v = state.v if stage == 0 else work.stage_v
         if stage > 0:
-            place_driven(body.drives, work.stage_x, work.stage_v, stage_t, t, t + h)
-        evaluate(body, work.stage_x, work.stage_v, work.force, work.rates, stage_t, t, t + h)
-        book(state.ledger, lanes, work.rates, weight)
-        _stage(work, body, x, v, weight, h if stage == 2 else 0.5 * h)
-    for at in range(0, x.size, len(lanes)):
-        add(lanes, x, at, 0, load(lanes, work.sum_x, at, 0))
-        add(lanes, v, at, 0, load(lanes, work.sum_v, at, 0))
-    place_driven(body.drives, x, v, t + h, t, t + h)
+            place_driven(body.drives, x, v, stage_t, t, t + h)
+        evaluate(body, x, v, work.force, work.rates, stage_t, t, t + h)
+        book(state.ledger, body.lanes, work.rates, h / 6.0 if stage in (0, 3) else h / 3.0)
+        if stage == 0:
+            _first(work, body, state.x, state.v, h / 6.0, 0.5 * h)
+        elif stage < 3:
+            _middle(work, body, state.x, state.v, h / 3.0, h if stage == 2 else 0.5 * h)
+        else:
+            _last(work, body, state.x, state.v, h / 6.0)
+    place_driven(body.drives, state.x, state.v, t + h, t, t + h)
 
 
 @chosen_by_type(stepping.step)

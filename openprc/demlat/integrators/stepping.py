@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from numba import types
+
 from openprc.demlat.compiled.jit import chosen_by_type, entry, jit
+from openprc.demlat.contact.hook import OVERFULL, collide, remember
 from openprc.demlat.models.barhinge.drive_kernels import driven_energy, jumps_at, place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import observe
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, WORK_IN
@@ -56,31 +59,50 @@ def potential(body: Any, x: Any, v: Any, energy: Any) -> float:
     return total(energy, 1) + total(energy, 2) + total(energy, 3)
 
 
-@jit
 def cross_knot(body: Any, state: Any, energy: Any, t: float, t_to: float) -> None:
     """Hand driven coordinates over to the segments that begin at `t`.
 
     A held signal moves its coordinates at once; the elastic energy that this takes or gives is
-    the actuator's work.
+    the actuator's work. Where no energies are kept, `energy` is None.
     """
-    if jumps_at(body.drives, state.x, t, t_to):
-        before = potential(body, state.x, state.v, energy)
-        place_driven(body.drives, state.x, state.v, t, t, t_to)
-        after = potential(body, state.x, state.v, energy)
-        state.ledger[WORK_IN * LEDGER_STRIDE] += after - before
-    else:
-        place_driven(body.drives, state.x, state.v, t, t, t_to)
+
+
+@chosen_by_type(cross_knot)
+def _cross_knot(body, state, energy, t, t_to):
+    if isinstance(energy, types.NoneType):
+
+        def place_only(body, state, energy, t, t_to):
+            place_driven(body.drives, state.x, state.v, t, t, t_to)
+
+        return place_only
+
+    def place_and_book(body, state, energy, t, t_to):
+        if jumps_at(body.drives, state.x, t, t_to):
+            before = potential(body, state.x, state.v, energy)
+            place_driven(body.drives, state.x, state.v, t, t, t_to)
+            after = potential(body, state.x, state.v, energy)
+            state.ledger[WORK_IN * LEDGER_STRIDE] += after - before
+        else:
+            place_driven(body.drives, state.x, state.v, t, t, t_to)
+
+    return place_and_book
 
 
 @jit
 def fixed_steps(
     scheme: Any, body: Any, state: Any, energy: Any, number: int, count: int, h: float, limit: float
 ) -> Any:
-    """Take `count` steps beginning with step `number`; return (steps taken, escaped)."""
+    """Take `count` steps beginning with step `number`; return (steps taken, escaped).
+
+    Escaped is -1, a coordinate, or `OVERFULL` where contacts had no room.
+    """
     for done in range(count):
         # From the count of steps: adding up h would drift.
         t = (number + done) * h
+        remember(body.contacts, state)
         step(scheme, body, state, t, h)
+        if collide(scheme, body, state, h):
+            return done + 1, OVERFULL
         if (number + done) % GUARD_INTERVAL == 0 or done == count - 1:
             escaped = first_escaped(state.x, limit)
             if escaped >= 0:
@@ -176,10 +198,49 @@ def advance(stamp: int) -> Any:
         _ = stamp
         for frame in range(count):
             reached, escaped = to_time(scheme, body, state, energy, control, first + frame)
-            if escaped >= 0:
+            if escaped != -1:
                 return frame, escaped, reached
             x, v, ledger = output(scheme, state, control, first + frame + 1)
             save_frame(body, x, v, ledger, energy, scale, frame, buffer)
         return count, -1, 0.0
 
     return advance
+
+
+@jit
+def save_scenes(body, x, v, scale, row, buffer) -> None:
+    """Copy the states of all scenes side by side into a row of the ensemble's buffer."""
+    length, velocity = scale
+    scenes = buffer.x.shape[0]
+    for a in range(len(body.space)):
+        for n in range(buffer.x.shape[2]):
+            for s in range(scenes):
+                at = a * body.stride + n * scenes + s
+                buffer.x[s, row, n, a] = length * x[at]
+                buffer.v[s, row, n, a] = velocity * v[at]
+
+
+@entry
+def advance_scenes(stamp: int) -> Any:
+    """``advance_scenes(scheme, body, state, control, first, count, scale, buffer)``.
+
+    As `advance`, for an ensemble: positions and velocities only, and a scene that diverges
+    does not stop the others. With ``first = -1`` the first row is the frame t = 0.
+    """
+
+    def advance_scenes(scheme, body, state, control, first, count, scale, buffer):
+        _ = stamp
+        row = 0
+        if first < 0:
+            place_driven(body.drives, state.x, state.v, 0.0, 0.0, control.h)
+            save_scenes(body, state.x, state.v, scale, 0, buffer)
+            row = 1
+            first = 0
+        for frame in range(count - row):
+            number = (first + frame) * control.steps_per_frame
+            fixed_steps(
+                scheme, body, state, None, number, control.steps_per_frame, control.h, math.inf
+            )
+            save_scenes(body, state.x, state.v, scale, row + frame, buffer)
+
+    return advance_scenes

@@ -8,11 +8,8 @@ every order of elimination has its factors.
 
 from __future__ import annotations
 
-import numba  # noqa: TID253 - compiling is what this file is for
-
+from openprc.demlat.compiled.jit import jit
 from openprc.demlat.linear.symbolic import Factor, Reals
-
-jit = numba.njit(error_model="numpy")
 
 #: A pivot that is smaller than this, relative to the terms it is the difference of, is taken
 #: for the zero of a dependent row.
@@ -94,9 +91,8 @@ def solve(factor: Factor, b: Reals) -> None:
             y[l_row[p]] -= l_values[p] * yk
     for k in range(n - 1, -1, -1):
         yk = y[k] * factor.inverse_pivot[k]
-        if factor.inverse_pivot[k] != 0.0:
-            for p in range(factor.l_start[k], factor.l_start[k + 1]):
-                yk -= l_values[p] * y[l_row[p]]
+        for p in range(factor.l_start[k], factor.l_start[k + 1]):
+            yk -= l_values[p] * y[l_row[p]]
         y[k] = yk
         b[factor.order[k]] = yk
 

@@ -10,6 +10,7 @@ import numpy as np
 from openprc.demlat.meshing.lattices import extreme_sets
 from openprc.demlat.meshing.mesh import Mesh
 from openprc.demlat.meshing.surface import is_among, shared_edges, surface_mesh
+from openprc.errors import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -29,7 +30,8 @@ def cut_along(
     triangles : (F, 3) [node]
         Oriented alike.
     cuts : (C, 2) [node]
-        Edges of the triangles; one that is no inner edge changes nothing.
+        Edges of the triangles; one that is no inner edge changes nothing, and neither does a
+        slit of a single edge inside the sheet, which has no node between its tips to open at.
 
     Returns
     -------
@@ -86,7 +88,13 @@ def cut_sheet(
     senses: Mapping[tuple[int, int], int],
     rest_angles: Mapping[tuple[int, int], float],
 ) -> Mesh:
-    """Return the mesh of a sheet, cut first: edges of copied nodes keep what they were."""
+    """Return the mesh of a sheet, cut first: edges of copied nodes keep what they were.
+
+    Raises
+    ------
+    ConfigError
+        For a cut that cannot open.
+    """
     used, compact = np.unique(triangles, return_inverse=True)
     rows = compact.reshape(-1, 3)
     torn, origin = cut_along(len(used), rows, np.searchsorted(used, _pairs_in(cuts, used)))
@@ -94,6 +102,14 @@ def cut_sheet(
     _, hinges, _ = shared_edges(torn)
     crease = hinges[:, :2]
     before = np.sort(source[crease], axis=1)
+    shut = np.flatnonzero(is_among(before, cuts))
+    if len(shut):
+        raise ConfigError(
+            f"the cut {before[shut[0]].tolist()} is one edge between two ends inside the sheet",
+            expected="a node on the cut, at which it can open",
+            fix="divide the cut in two",
+            key="edges_assignment",
+        )
     names = [(int(i), int(j)) for i, j in crease]
     olds = [(int(i), int(j)) for i, j in before]
     points = positions[source]

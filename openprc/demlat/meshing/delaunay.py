@@ -135,11 +135,16 @@ def _without_slivers(points: Reals, simplices: NDArray[Any]) -> NDArray[np.int32
                       np.linalg.norm(a - c, axis=1)], axis=0)  # fmt: skip
     flat = np.abs(area) < LEAST_HEIGHT * longest**2
     while flat.any():
-        owners = shared_edges(rows)[2]
+        rims, _, owners = shared_edges(rows)
         inner = np.bincount(owners.ravel(), minlength=len(rows))
         uses = np.bincount(rows.ravel(), minlength=len(points))
-        # A sliver goes if it is at the rim and no node loses its last triangle.
-        gone = np.flatnonzero(flat & (inner < 3) & (uses[rows] > 1).all(axis=1))[:1]
+        # With all three nodes at the rim it may hold two parts together.
+        ties = (inner == 2) & np.isin(rows, rims).all(axis=1)
+        gone = np.flatnonzero(flat & (inner < 3) & ~ties)
+        left = uses - np.bincount(rows[gone].ravel(), minlength=len(points))
+        if (left == 0).any():
+            # One by one, as long as no node loses its last triangle.
+            gone = gone[(uses[rows[gone]] > 1).all(axis=1)][:1]
         if len(gone) == 0:
             break
         rows, flat = np.delete(rows, gone, axis=0), np.delete(flat, gone)

@@ -34,8 +34,8 @@ def kirigami_sheet(
     spacing : float [m]
         Side of a cell.
     slit, bridge : int
-        Cells that a slit is long, and cells between two slits of a row; their sum is even,
-        and every second row of slits is shifted by half of it.
+        Cells that a slit is long (at least 2, so that it can open), and cells between two
+        slits of a row; their sum is even, and every second row is shifted by half of it.
     slit_rows : int
         Cells between two rows of slits.
 
@@ -45,7 +45,11 @@ def kirigami_sheet(
         When the sum of slit and bridge is odd, or no slit lies in the sheet.
     """
     across, up = count(columns, "columns"), count(rows, "rows")
-    cut, gap, apart = count(slit, "slit"), count(bridge, "bridge"), count(slit_rows, "slit_rows")
+    cut, gap, apart = (
+        count(slit, "slit", least=2),
+        count(bridge, "bridge"),
+        count(slit_rows, "slit_rows"),
+    )
     if (cut + gap) % 2:
         raise ConfigError(
             f"slits of {cut} cells and bridges of {gap}",

@@ -75,6 +75,9 @@ class Mesh:
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype="f8").reshape(-1, 3)
         bars, hinges = canonical_bars(self.bars), canonical_hinges(self.hinges)
+        faces = np.array(self.faces, dtype="i4").reshape(-1, 3)
+        sets = {name: np.unique(np.array(n, dtype="i4")) for name, n in self.node_sets.items()}
+        _check_nodes({"bars": bars, "hinges": hinges, "faces": faces, **sets}, len(positions))
         along, around = bar_order(bars), hinge_order(hinges)
         senses = np.zeros(len(hinges)) if self.senses is None else self.senses
         lengths = (
@@ -88,7 +91,7 @@ class Mesh:
         self._put("positions", positions)
         self._put("bars", bars[along])
         self._put("hinges", hinges[around])
-        self._put("faces", np.array(self.faces, dtype="i4").reshape(-1, 3))
+        self._put("faces", faces)
         for name, values, order, dtype in (
             ("bar_kinds", self.bar_kinds, along, "U16"),
             ("rest_lengths", lengths, along, "f8"),
@@ -102,24 +105,7 @@ class Mesh:
                     f"shape {column.shape}", expected=f"({len(order)},)", key=f"mesh/{name}"
                 )
             self._put(name, column[order])
-        sets = {name: np.unique(np.array(n, dtype="i4")) for name, n in self.node_sets.items()}
         object.__setattr__(self, "node_sets", sets)
-        self._check()
-
-    def _put(self, name: str, array: NDArray[Any]) -> None:
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
-
-    def _check(self) -> None:
-        tables = {"bars": self.bars, "hinges": self.hinges, "faces": self.faces}
-        for name, table in {**tables, **self.node_sets}.items():
-            outside = (table < 0) | (table >= len(self.positions))
-            if outside.any():
-                raise ConfigError(
-                    f"node {table[outside][0]}",
-                    expected=f"nodes from 0 to {len(self.positions) - 1}",
-                    key=f"mesh/{name}",
-                )
         twice = np.flatnonzero((np.diff(self.bars, axis=0) == 0).all(axis=1))
         if len(twice):
             raise ConfigError(
@@ -127,6 +113,10 @@ class Mesh:
                 expected="one bar between two nodes",
                 key="mesh/bars",
             )
+
+    def _put(self, name: str, array: NDArray[Any]) -> None:
+        array.flags.writeable = False
+        object.__setattr__(self, name, array)
 
     @property
     def n_nodes(self) -> int:
@@ -280,6 +270,17 @@ class Mesh:
         for face in self.faces.tolist():
             setup.add_face([first + node for node in face])
         return np.arange(first, first + self.n_nodes, dtype=np.int32)
+
+
+def _check_nodes(tables: Mapping[str, NDArray[Any]], n_nodes: int) -> None:
+    for name, table in tables.items():
+        outside = (table < 0) | (table >= n_nodes)
+        if outside.any():
+            raise ConfigError(
+                f"node {table[outside][0]}",
+                expected=f"nodes from 0 to {n_nodes - 1}",
+                key=f"mesh/{name}",
+            )
 
 
 def _lengths(positions: Reals, pairs: NDArray[np.int32]) -> Reals:

@@ -43,7 +43,7 @@ def triangulate(
         When a panel has a node twice, more than 64 corners, or cannot be cut.
     """
     triangles: list[tuple[int, int, int]] = []
-    diagonals: list[tuple[int, int]] = []
+    diagonals: dict[tuple[int, int], None] = {}
     for number, panel in enumerate(panels):
         corners = list(panel)
         if len(corners) < 3 or len(set(corners)) < len(corners) or len(corners) > MOST_CORNERS:
@@ -68,10 +68,11 @@ def triangulate(
             triangles.append((corners[a], corners[b], corners[c]))
             for i, j in ((a, b), (b, c), (a, c)):
                 if 1 < abs(i - j) < len(corners) - 1:
-                    diagonals.append((corners[i], corners[j]))
+                    ends = sorted((corners[i], corners[j]))
+                    diagonals[ends[0], ends[1]] = None
     return (
         np.array(triangles, dtype=np.int32).reshape(-1, 3),
-        np.array(diagonals, dtype=np.int32).reshape(-1, 2),
+        np.array(list(diagonals), dtype=np.int32).reshape(-1, 2),
     )
 
 

@@ -140,12 +140,18 @@ def _sheet(lines: list[_Line], unit: float, rest: float, near: float) -> Mesh:
     rank = np.array([_RANK[lines[k].kind] for k in keep])
     keep = keep[np.argsort(rank, kind="stable")]
     points, edges, parents = split_crossings(segments[keep], tolerance=near * size)
+    cut = np.array([lines[keep[parent]].kind == "cut" for parent in parents])
     panels = panels_of(points, edges)
+    rims = _rims(panels)
+    divided = _openable(points, edges, parents, cut, rims)
+    if len(divided[0]) > len(points):
+        points, edges, parents = divided
+        panels = panels_of(points, edges)
+        rims = _rims(panels)
     positions = np.concatenate([points * unit, np.zeros((len(points), 1))], axis=1)
     triangles, diagonals = triangulate(positions, panels)
     owner = [lines[keep[parent]] for parent in parents]
     pairs = [(int(i), int(j)) for i, j in edges]
-    rims = _rims(panels)
     inner = [n for n, pair in enumerate(pairs) if pair not in rims]
     border = next((pairs[n] for n in inner if owner[n].kind == "boundary"), None)
     if border is not None:
@@ -166,6 +172,27 @@ def _sheet(lines: list[_Line], unit: float, rest: float, near: float) -> Mesh:
     facets = np.concatenate([diagonals, np.array(soft, dtype="i4").reshape(-1, 2)])
     cuts = [pairs[n] for n in inner if owner[n].kind == "cut"]
     return cut_sheet(positions, triangles, facets, cuts, senses, wanted)
+
+
+def _openable(
+    points: Reals,
+    edges: NDArray[np.int64],
+    parents: NDArray[np.int64],
+    cut: NDArray[np.bool_],
+    rims: set[tuple[int, int]],
+) -> tuple[Reals, NDArray[np.int64], NDArray[np.int64]]:
+    """Divide slits of one edge in two: they need a node between their tips to open at."""
+    uses = np.bincount(edges[cut].ravel(), minlength=len(points))
+    uses[np.array(list(rims)).ravel()] += 1
+    alone = cut & (uses[edges] == 1).all(axis=1)
+    ends = edges[alone]
+    middle = len(points) + np.arange(len(ends))
+    halves = [np.stack([ends[:, side], middle], axis=1) for side in range(2)]
+    return (
+        np.concatenate([points, points[ends].mean(axis=1)]),
+        np.concatenate([edges[~alone], *halves]),
+        np.concatenate([parents[~alone], parents[alone], parents[alone]]),
+    )
 
 
 _RANK = {kind: n for n, kind in enumerate(("cut", "boundary", "mountain", "valley", "fold"))}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import sparse  # noqa: TID253 - sparse matrices are what this module makes
 
+from openprc.demlat.signal_table import sample_signal
 from openprc.demlat.statics.element_laws import BarLaws, HingeLaws
 from openprc.demlat.statics.element_shapes import (
     bar_directions,
@@ -56,6 +57,18 @@ class StaticProblem:
         When an array has a wrong shape or is not finite.
     UnsupportedScene
         When a hinge has hard stops.
+
+    Examples
+    --------
+    >>> from openprc.demlat.geometry_builder import GeometryBuilder
+    >>> from openprc.demlat.statics import StaticProblem
+    >>> build = GeometryBuilder()
+    >>> ends = build.add_nodes([[0.0, 0.0], [1.0, 0.0]])
+    >>> bar = build.add_bar(*ends, stiffness=100.0, rest_length=0.8)
+    >>> problem = StaticProblem(geometry=build.geometry())
+    >>> x = problem.positions
+    >>> print(f"{problem.energy(x):.3f} J, {problem.bar_forces(x)[bar]:.3f} N")
+    2.000 J, 20.000 N
     """
 
     geometry: Geometry
@@ -357,9 +370,6 @@ class StaticProblem:
 
 
 def _signal_value(signal: Signal, time: float) -> Reals:
-    # A body without drive needs no signals, nor the laws of the time integration behind them.
-    from openprc.demlat.signal_table import sample_signal  # noqa: PLC0415 - see above
-
     return np.broadcast_to(sample_signal(signal, np.array([time]))[0], 3)
 
 

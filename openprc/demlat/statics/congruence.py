@@ -82,8 +82,8 @@ def allowed_motions(problem: StaticProblem) -> Motions:
         net = problem.applied.sum(axis=0) / size
         rows.append(np.concatenate([net, np.zeros(3)])[np.newaxis])
         turning = np.zeros((len(loaded), 3, 6))
-        for axis in range(3):
-            turning[:, :, 3 + axis] = np.cross(np.eye(3)[axis], loaded / size)
+        for number, unit in enumerate(np.eye(3)):
+            turning[:, :, 3 + number] = np.cross(unit, loaded / size)
         rows.append(turning.reshape(-1, 6))
     stack = np.concatenate(rows)
     allowed = linalg.null_space(stack, rcond=_TOLERANCE) if stack.any() else np.eye(6)

@@ -29,6 +29,10 @@ _EPS = float(np.finfo(np.float64).eps)
 #: Share of the predicted gain that a step has to make (Armijo).
 _SUFFICIENT = 1e-4
 _HALVINGS = 40
+#: A hinge's wing closer to its crease than this part of a bar counts as being there.
+_STEEPEST = 1e3
+#: Rounding may hide forces up to this share of those that elements can exert.
+_HIDDEN = 1e-6
 #: Steps to bring rigid elements of a start together.
 _FITTING = 200
 #: Steps after convergence, as long as each divides the residual by this.
@@ -71,6 +75,8 @@ class Descent:
     problem : StaticProblem
     tolerance : float
         Relative to the largest force.
+    force_tolerance : float [N]
+        A residual below it counts as zero anyway.
     max_step : float [m], optional
     kind : {"minimum", "stationary"}
     """
@@ -80,14 +86,17 @@ class Descent:
         problem: StaticProblem,
         *,
         tolerance: float,
+        force_tolerance: float = 0.0,
         max_step: float | None = None,
         kind: Literal["minimum", "stationary"] = "minimum",
     ) -> None:
         self.problem = problem
         self.tolerance = tolerance
+        self.force_tolerance = force_tolerance
         self.kind = kind
         self.max_step = 0.5 * problem.length_scale if max_step is None else max_step
         self._shift = 0.0
+        self._polish_reach = 1e-3 * problem.length_scale
 
     def state(self, x: Reals) -> State:
         """Evaluate everything at positions `x` (N, 3) [m]."""
@@ -107,17 +116,32 @@ class Descent:
         )
 
     def _limit(self, x: Reals, hessian: sparse.csr_array, multipliers: Reals | None) -> float:
+        """Return which force counts as zero, from the forces of elements and from rounding.
+
+        An element counts at most with the force that doubles its length or turns it once, so
+        that one that is crushed to nothing does not let everything else pass.
+        """
         problem = self.problem
-        largest = float(np.abs(problem.applied).max(initial=0.0))
-        largest = max(largest, float(np.abs(problem.bar_forces(x)).max(initial=0.0)))
+        bars, hinges = problem.geometry.bars, problem.geometry.hinges
+        applied = np.abs(problem.applied).max(initial=0.0)
+        present, possible = [applied], [applied]
+        strong = bars.stiffness * bars.relaxed_length
+        present.append(np.minimum(np.abs(problem.bar_forces(x)), strong).max(initial=0.0))
+        possible.append(strong.max(initial=0.0))
+        if len(hinges):
+            slope = np.abs(hinge_gradients(x, hinges.indices)).max(axis=(1, 2))
+            slope = np.minimum(slope, _STEEPEST / problem.length_scale)
+            turn = 2.0 * np.pi * hinges.stiffness
+            present.append((slope * np.minimum(np.abs(problem.hinge_moments(x)), turn)).max())
+            possible.append((slope * turn).max())
         if multipliers is not None:
-            largest = max(largest, float(np.abs(multipliers).max(initial=0.0)))
-        if len(problem.geometry.hinges):
-            slope = np.abs(hinge_gradients(x, problem.geometry.hinges.indices)).max(axis=(1, 2))
-            largest = max(largest, float((slope * np.abs(problem.hinge_moments(x))).max()))
+            present.append(np.abs(multipliers).max())
+            possible.append(present[-1])
         stiffest = float(np.abs(hessian.diagonal()).max(initial=0.0))
         rounding = 16.0 * _EPS * stiffest * float(np.abs(x).max())
-        return max(self.tolerance * largest, rounding)
+        # Rounding that hides every sensible force is no excuse.
+        rounding = min(rounding, _HIDDEN * float(max(possible)))
+        return max(self.tolerance * float(max(present)), rounding, self.force_tolerance)
 
     # --- the iteration ------------------------------------------------------------------------
 
@@ -140,19 +164,20 @@ class Descent:
                 return x, iteration
             step = self._step(state)
             if converged:
-                # The limit is met; further digits are taken as long as they come fast.
-                trial = None if step is None else self._move(x, state, step)
+                # The limit is met; further digits are taken as long as they come fast and near.
+                near = step is not None and np.abs(step).max() < self._polish_reach
+                trial = self._move(x, state, step) if step is not None and near else None
                 better = None if trial is None else self._try(trial)
-                if better is None or not better.size * _POLISH_GAIN < state.size:
+                gained = better is not None and better.size * _POLISH_GAIN < state.size
+                if trial is None or better is None or not gained:
                     return x, iteration
                 x, state, polish = trial, better, polish + 1
                 continue
             moved = None if step is None else self._search(x, state, step)
             if moved is None:
-                self._fail(state, iteration, "no step makes progress")
+                raise self._failure(state, iteration, "no step makes progress")
             x, state = moved
-        self._fail(state, max_iterations, "the iterations are used up")
-        raise AssertionError  # not reached
+        raise self._failure(state, max_iterations, "the iterations are used up")
 
     def _step(self, state: State) -> Reals | None:
         """Return Newton's step, shifted where the energy is not convex: (n_free,) [m]."""
@@ -280,12 +305,12 @@ class Descent:
             fix="start elsewhere, or ask for kind='stationary'",
         )
 
-    def _fail(self, state: State, iterations: int, why: str) -> None:
+    def _failure(self, state: State, iterations: int, why: str) -> Diverged:
         worst = int(np.abs(state.residual).argmax())
         node, axis = divmod(int(self.problem.free[worst]), 3)
-        raise Diverged(
+        return Diverged(
             f"no equilibrium after {iterations} iterations ({why}): {state.size:.3g} N are out"
             f" of balance along {'xyz'[axis]} of node {node}",
             expected=f"at most {state.limit:.3g} N",
-            fix="start nearer, move held axes in more load_steps, or loosen the tolerance",
+            fix="start nearer, move held axes in more load_steps, or allow a force_tolerance",
         )

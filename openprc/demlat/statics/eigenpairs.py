@@ -106,7 +106,7 @@ def _sparse(
     penalty = PENALTY * largest
     shift, factors = 1e-9 * largest, None
     while True:
-        moved = matrix + shift * identity
+        moved = sparse.csr_array(matrix + shift * identity)
         if constraints is None:
             factors = factor_definite(moved)
         else:
@@ -124,8 +124,9 @@ def _sparse(
     solve: Callable[[Reals], Reals] = factors.solve
     if rows is not None:
         count = rows.shape[0]
-        corner = sparse.eye_array(count) * (-1e-13 / largest)
-        saddle = splu(sparse.csc_array(sparse.block_array([[moved, rows.T], [rows, corner]])))
+        corner = sparse.csr_array(sparse.eye_array(count) * (-1e-13 / largest))
+        bordered = sparse.block_array([[moved, sparse.csr_array(rows.T)], [rows, corner]])
+        saddle = splu(sparse.csc_array(bordered))
 
         def solve(u: Reals) -> Reals:
             solution: Reals = saddle.solve(np.concatenate([u, np.zeros(count)]))[:size]

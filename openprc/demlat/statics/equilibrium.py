@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -67,7 +67,8 @@ def find_equilibrium(
     *,
     kind: Literal["minimum", "stationary"] = "minimum",
     tolerance: float = 1e-10,
-    max_iterations: int = 1000,
+    force_tolerance: float = 0.0,
+    max_iterations: int = 500,
     max_step: float | None = None,
     load_steps: int = 1,
 ) -> Equilibrium:
@@ -86,6 +87,9 @@ def find_equilibrium(
     tolerance : float
         Largest residual, relative to the largest force of an element or load; where all of
         these vanish, the rounding of the positions sets the limit.
+    force_tolerance : float [N]
+        A residual below it counts as zero anyway. Mechanisms without tension relax slowly,
+        since the forces vanish faster than the way that is left.
     max_iterations : int
     max_step : float [m], optional
         Largest displacement of a node in one iteration; half the median bar length unless
@@ -130,14 +134,20 @@ def find_equilibrium(
             expected=f"finite numbers of shape {problem.positions.shape}",
             key="start",
         )
+    settings: dict[str, Any] = {
+        "tolerance": tolerance,
+        "force_tolerance": force_tolerance,
+        "max_step": max_step,
+        "kind": kind,
+    }
     begin, iterations = x.copy(), 0
     for step in range(1, load_steps):
         way = begin + (problem.positions - begin) * (step / load_steps)
         part = replace(problem, positions=np.where(problem.held, way, problem.positions))
-        search = Descent(part, tolerance=tolerance, max_step=max_step, kind=kind)
+        search = Descent(part, **settings)
         x, used = search.run(part.place(x), max_iterations=max_iterations - iterations)
         iterations += used
-    search = Descent(problem, tolerance=tolerance, max_step=max_step, kind=kind)
+    search = Descent(problem, **settings)
     x = problem.place(x)
     for escapes in range(_ESCAPES + 1):
         x, used = search.run(x, max_iterations=max_iterations - iterations)
@@ -159,7 +169,8 @@ def equilibrated(
     time: float = 0.0,
     start: ArrayLike | None = None,
     tolerance: float = 1e-10,
-    max_iterations: int = 1000,
+    force_tolerance: float = 0.0,
+    max_iterations: int = 500,
     load_steps: int = 1,
 ) -> Experiment:
     """Return the experiment with its nodes at rest in equilibrium.
@@ -172,18 +183,33 @@ def equilibrated(
     experiment : Experiment
     time : float [s]
         When signals are read.
-    start, tolerance, max_iterations, load_steps
+    start, tolerance, force_tolerance, max_iterations, load_steps
         As for `find_equilibrium`.
 
     Raises
     ------
     ConfigError, UnsupportedScene, Diverged
         As `StaticProblem.from_experiment` and `find_equilibrium` do.
+
+    Examples
+    --------
+    >>> from openprc.demlat import SimulationSetup
+    >>> from openprc.demlat.statics import equilibrated
+    >>> setup = SimulationSetup("pendulum", overwrite=True)
+    >>> pivot = setup.add_node([0.0, 0.0, 0.0], fixed=True)
+    >>> bob = setup.add_node([0.6, 0.0, 0.0], mass=2.0)
+    >>> bar = setup.add_bar(pivot, bob, stiffness=1000.0)
+    >>> setup.set_physics(gravity=-10.0)
+    >>> setup.set_simulation_params(duration=1.0, dt=1e-3, save_interval=0.01)
+    >>> still = equilibrated(setup.experiment())
+    >>> print(f"{still.geometry.positions[bob, 2]:.3f} m")
+    -0.620 m
     """
     found = find_equilibrium(
         StaticProblem.from_experiment(experiment, time=time),
         start,
         tolerance=tolerance,
+        force_tolerance=force_tolerance,
         max_iterations=max_iterations,
         load_steps=load_steps,
     )

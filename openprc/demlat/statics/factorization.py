@@ -140,7 +140,7 @@ def stationary_step(
     right = -residual
     if constraints is not None:
         count = constraints.jacobian.shape[0]
-        corner = sparse.eye_array(count) * (-1e-11 / scale)
+        corner = sparse.csr_array(sparse.eye_array(count) * (-1e-11 / scale))
         matrix = sparse.block_array(
             [[matrix, constraints.transpose], [constraints.jacobian, corner]]
         )

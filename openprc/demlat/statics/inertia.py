@@ -77,6 +77,19 @@ def stability(
     ------
     ConfigError
         When `n` is below 1.
+
+    Examples
+    --------
+    >>> from openprc.demlat.geometry_builder import GeometryBuilder
+    >>> from openprc.demlat.statics import StaticProblem, stability
+    >>> build = GeometryBuilder()
+    >>> corners = build.add_nodes([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    >>> for a in range(4):
+    ...     bar = build.add_bar(corners[a], corners[a - 1], stiffness=10.0)
+    >>> problem = StaticProblem(geometry=build.geometry())
+    >>> found = stability(problem, problem.positions)
+    >>> print(found.kind, found.n_rigid, found.n_mechanisms)
+    neutral 6 2
     """
     if n < 1:
         raise ConfigError(f"n = {n}", expected="at least one eigenvalue", key="n")

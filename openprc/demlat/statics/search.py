@@ -118,7 +118,8 @@ def find_stable_states(
     soft_modes: int = 0,
     starts: ArrayLike | None = None,
     tolerance: float = 1e-10,
-    max_iterations: int = 1000,
+    force_tolerance: float = 0.0,
+    max_iterations: int = 500,
     same_within: float = 1e-5,
     progress: Progress | None = None,
 ) -> StableStates:
@@ -134,14 +135,14 @@ def find_stable_states(
         Needed unless `starts` are given.
     n_starts : int
     amplitude : float [m], optional
-        Root mean square displacement of a node of a random start; half the median bar length
-        unless given.
+        Root mean square displacement of a node of a random start; a quarter of the median bar
+        length unless given.
     soft_modes : int
         0: every node is displaced on its own. Otherwise starts are random sums of that many of
         the softest directions of the stiffness, which lead further in stiff bodies.
     starts : (S, N, 3) [m], optional
         Starts of your own, instead of random ones.
-    tolerance, max_iterations
+    tolerance, force_tolerance, max_iterations
         As for `find_equilibrium`.
     same_within : float
         Two states are one within this root mean square distance, relative to the size of the
@@ -153,6 +154,25 @@ def find_stable_states(
     ------
     ConfigError
         When neither `starts` nor `rng` are given, or an argument is out of range.
+
+    Examples
+    --------
+    A shallow arch of two bars is at rest above its supports and below them:
+
+    >>> import numpy as np
+    >>> from openprc.demlat.geometry_builder import GeometryBuilder
+    >>> from openprc.demlat.statics import StaticProblem, find_stable_states
+    >>> build = GeometryBuilder()
+    >>> left = build.add_node([-1.0, 0.0, 0.0], fixed=True)
+    >>> apex = build.add_node([0.0, 0.0, 0.3])
+    >>> right = build.add_node([1.0, 0.0, 0.0], fixed=True)
+    >>> bars = [build.add_bar(end, apex, stiffness=100.0) for end in (left, right)]
+    >>> held = np.zeros((3, 3), dtype=bool)
+    >>> held[apex, 1] = True
+    >>> problem = StaticProblem(geometry=build.geometry(), held=held)
+    >>> states = find_stable_states(problem, rng=np.random.default_rng(0), n_starts=16)
+    >>> print(sorted(f"{state.positions[apex, 2]:.3f} m" for state in states))
+    ['-0.300 m', '0.300 m']
     """
     begins = _starts(problem, rng, n_starts, amplitude, soft_modes, starts)
     motions = allowed_motions(problem)
@@ -162,7 +182,11 @@ def find_stable_states(
     for number, begin in enumerate(begins):
         try:
             reached = find_equilibrium(
-                problem, begin, tolerance=tolerance, max_iterations=max_iterations
+                problem,
+                begin,
+                tolerance=tolerance,
+                force_tolerance=force_tolerance,
+                max_iterations=max_iterations,
             )
         except Diverged as error:
             failures[number] = error.found
@@ -195,14 +219,14 @@ def _starts(
 ) -> Reals:
     home = problem.place(problem.positions)
     if given is not None:
-        starts = np.array(given, dtype="f8")
-        if starts.ndim != 3 or starts.shape[1:] != home.shape or not len(starts):
+        own = np.array(given, dtype="f8")
+        if own.ndim != 3 or own.shape[1:] != home.shape or not len(own):
             raise ConfigError(
-                f"shape {starts.shape}",
+                f"shape {own.shape}",
                 expected=f"(S, {home.shape[0]}, 3) with at least one start",
                 key="starts",
             )
-        return np.stack([problem.place(start) for start in starts])
+        return np.stack([problem.place(start) for start in own])
     if rng is None:
         raise ConfigError(
             "no random generator",
@@ -212,7 +236,7 @@ def _starts(
         )
     if n_starts < 1:
         raise ConfigError(f"{n_starts} starts", expected="at least one", key="n_starts")
-    reach = 0.5 * problem.length_scale if amplitude is None else amplitude
+    reach = 0.25 * problem.length_scale if amplitude is None else amplitude
     if not (np.isfinite(reach) and reach > 0):
         raise ConfigError(f"amplitude {reach}", expected="a length above 0 m", key="amplitude")
     shape = (n_starts, *home.shape)
@@ -227,5 +251,5 @@ def _starts(
     moves *= reach
     moves[0] = 0.0
     moves[:, problem.held] = 0.0
-    starts: Reals = home + moves
-    return starts
+    displaced: Reals = home + moves
+    return displaced

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.demlat.compiled.packing import Blocks, ensemble_blocks, run_blocks, spread_blocks
+from openprc.demlat.compiled.packing import Blocks
+from openprc.demlat.compiled.scene_packing import Packing
+from openprc.demlat.contact.table import ContactTable, contact_tables
+from openprc.demlat.models.barhinge.drive_table import drive_table
 from openprc.demlat.models.barhinge.tables import (
     LEDGER,
     LEDGER_STRIDE,
     Body,
     Cables,
     CubicBars,
-    Drives,
-    Lanes,
     LinearBars,
     LinearHinges,
     OgdenBars,
@@ -26,7 +27,6 @@ from openprc.demlat.models.barhinge.tables import (
     WalledHinges,
 )
 from openprc.demlat.scaling import SimulationScaler
-from openprc.demlat.signal_table import columns_of, signal_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,85 +42,9 @@ BAR_GROUPS = {
     "strut": Struts,
     "ogden": OgdenBars,
 }
-#: Lanes of a vector register (and what two narrower ones hold).
-WIDTH = {"float64": 8, "float32": 16}
 #: Below this many elements a scene is stepped element by element: vectors would hardly be
 #: faster, and all small scenes share one compiled loop.
 LEAST_ELEMENTS = 64
-
-
-@dataclass(frozen=True)
-class Packing:
-    """How coordinates and parameters of S scenes stand in memory.
-
-    Attributes
-    ----------
-    lanes : template
-    scenes : int
-        1, or the number of lanes.
-    n_nodes, dims, stride : int
-    """
-
-    lanes: Lanes
-    scenes: int
-    n_nodes: int
-    dims: int
-    stride: int
-
-    @classmethod
-    def plan(
-        cls, *, n_nodes: int, dims: int, vectors: bool, scenes: int, precision: str
-    ) -> Packing:
-        """Return the packing of `scenes` scenes with `n_nodes` nodes."""
-        width = WIDTH[precision] if vectors else 1
-        number = np.float32 if precision == "float32" else float
-        used = n_nodes * width if scenes > 1 else n_nodes + width - 1
-        stride = -(-used // width) * width
-        if (stride * (4 if precision == "float32" else 8)) % 4096 == 0:
-            stride += width  # or x, y and z would compete for the same lines of the cache
-        return cls((number(0.0),) * width, scenes, n_nodes, dims, stride)
-
-    @property
-    def dtype(self) -> type:
-        """Type of the coordinates."""
-        return np.float32 if isinstance(self.lanes[0], np.float32) else np.float64
-
-    def coordinates(self, values: Reals) -> Reals:
-        """Return values (S, N, 3) as flat coordinates: (dims * stride,)."""
-        flat = np.zeros((self.dims, self.stride), dtype=self.dtype)
-        by_axis = values.transpose(2, 1, 0)[: self.dims]
-        flat[:, : self.n_nodes * self.scenes] = by_axis.reshape(self.dims, -1)
-        return flat.reshape(-1)
-
-    def nodes(self, flat: Reals) -> Reals:
-        """Return flat coordinates as (S, N, dims)."""
-        used = flat.reshape(self.dims, self.stride)[:, : self.n_nodes * self.scenes]
-        return used.reshape(self.dims, self.n_nodes, self.scenes).transpose(2, 1, 0)
-
-    def at(self, node: int, axis: int, scene: int) -> int:
-        """Return where a coordinate stands."""
-        return axis * self.stride + node * self.scenes + scene
-
-    def blocks(self, indices: NDArray[np.int32], chosen: NDArray[np.int64]) -> Iterator[Blocks]:
-        """Yield blocks that cover the chosen elements."""
-        width = len(self.lanes)
-        if self.scenes > 1:
-            yield ensemble_blocks(indices, chosen, width)
-        elif width == 1:
-            yield spread_blocks(indices, chosen, 1)
-        else:
-            blocks, rest = run_blocks(indices, chosen, width)
-            if len(blocks.element):
-                yield blocks
-            if len(rest):
-                yield spread_blocks(indices, rest, width)
-
-    def parameters(self, blocks: Blocks, values: Reals, fill: float = 0.0) -> Reals:
-        """Return values (S, E) in the order of the lanes."""
-        if self.scenes > 1:
-            chosen = blocks.element.reshape(-1, self.scenes)[:, 0]
-            return np.ascontiguousarray(values[:, chosen].T, dtype=self.dtype).reshape(-1)
-        return blocks.spread_out(values[0], fill).astype(self.dtype)
 
 
 @dataclass(frozen=True)
@@ -153,6 +77,8 @@ def assemble(
     *,
     vectors: bool | None = None,
     displaced: bool | None = None,
+    dims: int | None = None,
+    ledger: bool = True,
 ) -> Assembly:
     """Turn experiments of one topology into tables.
 
@@ -165,6 +91,10 @@ def assemble(
     displaced : bool, optional
         Store displacements from the start instead of positions; by default in float32, which
         would lose them in the coordinates.
+    dims : {2, 3}, optional
+        By default 2 for planar scenes that are stepped as vectors.
+    ledger : bool
+        Whether energies are kept.
     """
     first = experiments[0]
     geometry = first.geometry
@@ -174,12 +104,13 @@ def assemble(
         vectors = n_elements >= LEAST_ELEMENTS or len(experiments) > 1 or single
     packing = Packing.plan(
         n_nodes=geometry.n_nodes,
-        dims=2 if vectors and all(e.planar for e in experiments) else 3,
+        dims=dims or (2 if vectors and all(e.planar for e in experiments) else 3),
         vectors=vectors,
         scenes=len(experiments),
         precision=first.precision,
     )
-    return _Assembler(experiments, packing, single if displaced is None else displaced).result()
+    assembler = _Assembler(experiments, packing, single if displaced is None else displaced)
+    return assembler.result(ledger=ledger)
 
 
 class _Assembler:
@@ -201,7 +132,7 @@ class _Assembler:
         """Return a parameter of bars or hinges of every scene, scaled: (S, E)."""
         return np.array([getattr(getattr(e.geometry, kind), name) for e in self.experiments]) / unit
 
-    def result(self) -> Assembly:
+    def result(self, *, ledger: bool) -> Assembly:
         scale, packing = self.scaler, self.packing
         geometries = [e.geometry for e in self.experiments]
         masses = np.array([g.masses for g in geometries]) / scale.mass
@@ -224,8 +155,15 @@ class _Assembler:
             weight=None if self.lean and not free_weight.any() else reals(free_weight),
             bars=tuple(self._bars()),
             hinges=tuple(self._hinges()),
-            drives=self._drives(masses, drag, weight),
-            contacts=(),
+            drives=drive_table(
+                self.experiments,
+                packing,
+                scale,
+                nodal=(masses, drag, weight),
+                origin=self.reference,
+                optional=self.lean,
+            ),
+            contacts=self._contacts(reals(inverse)),
             constraints=None,
             mass=reals(masses[:, :, np.newaxis] * ones),
             full_weight=reals(weight),
@@ -238,10 +176,20 @@ class _Assembler:
         state = State(
             x=reals((self.positions - self.reference) / scale.length),
             v=reals(velocities),
-            ledger=np.zeros(len(LEDGER) * LEDGER_STRIDE, packing.dtype),
+            ledger=np.zeros(len(LEDGER) * LEDGER_STRIDE, packing.dtype) if ledger else None,
         )
         falling = float((weight[0] * self.reference[0]).sum()) / scale.length * scale.moment
         return Assembly(body, state, packing, scale, self.reference, falling)
+
+    def _contacts(self, inverse_mass: Reals) -> tuple[ContactTable, ...]:
+        if len(self.experiments) > 1:
+            return ()  # ensembles refuse contact
+        return contact_tables(
+            self.first,
+            inverse_mass=inverse_mass,
+            stride=self.packing.stride,
+            unit=self.scaler.length,
+        )
 
     # --- elements ---------------------------------------------------------------------------
 
@@ -356,62 +304,12 @@ class _Assembler:
             j, k, i, l = (corners[:, :, c] for c in range(4))  # noqa: E741
             values = [v for edge in (i - j, k - j, k - l) for v in edge.transpose(2, 0, 1)]
             fills = [0.0] * 9
+        packing = self.packing
+        if packing.scenes > 1 and (self.reference == self.reference[0]).all():
+            # One number for all lanes: these would be most of what is read.
+            chosen = blocks.element.reshape(-1, packing.scenes)[:, 0]
+            return tuple(value[0, chosen, None].astype(packing.dtype) for value in values)
         return tuple(
-            self.packing.parameters(blocks, value, fill)
+            packing.parameters(blocks, value, fill)
             for value, fill in zip(values, fills, strict=True)
-        )
-
-    # --- drives -----------------------------------------------------------------------------
-
-    def _drives(self, masses: Reals, drag: Reals, weight: Reals) -> Drives | None:
-        scale, columns = self.scaler, []
-        known: dict[tuple[int, str, str], int] = {}
-        motion: list[tuple[Any, ...]] = []
-        force: list[tuple[Any, ...]] = []
-        for scene, experiment in enumerate(self.experiments):
-            for actuator in experiment.actuators:
-                signal = experiment.signals[actuator.signal]
-                key = (scene, actuator.signal, actuator.type)
-                unit = scale.force if actuator.type == "force" else scale.length
-                if key not in known:
-                    known[key] = len(columns)
-                    for column in columns_of(signal, integrated=actuator.type == "velocity"):
-                        columns.append(
-                            column._replace(
-                                dt=column.dt / scale.time,
-                                coefficients=column.coefficients / unit,
-                            )
-                        )
-                for axis in np.flatnonzero(actuator.axes):
-                    if axis >= self.packing.dims:
-                        continue  # a planar scene: the signal is 0 along z
-                    at = self.packing.at(actuator.node, axis, scene)
-                    index = known[key] + (axis if signal.values.shape[1] == 3 else 0)
-                    if actuator.type == "force":
-                        force.append((at, index, scene))
-                        continue
-                    start = -self.reference[scene, actuator.node, axis]
-                    if actuator.type == "velocity":
-                        start += experiment.geometry.positions[actuator.node, axis]
-                    node = scene, actuator.node
-                    motion.append(
-                        (
-                            at,
-                            index,
-                            start / scale.length,
-                            masses[node],
-                            drag[node],
-                            weight[(*node, axis)],
-                            scene,
-                        )
-                    )
-        if self.lean and not columns:
-            return None
-        m = list(zip(*motion, strict=True)) or [()] * 7
-        f = list(zip(*force, strict=True)) or [()] * 3
-        integers = (0, 1, 6)
-        return Drives(
-            signal_table(columns),
-            *(np.array(c, dtype="i8" if n in integers else "f8") for n, c in enumerate(m)),
-            *(np.array(c, dtype="i8") for c in f),
         )

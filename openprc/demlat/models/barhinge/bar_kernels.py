@@ -63,6 +63,17 @@ def _damp(lanes: Any, damping: Any, p: int, rate: Any) -> Any:
     return dashpot
 
 
+def fetch(lanes: Any, values: Any, p: int) -> Any:
+    """Return a parameter of block `p`: lane by lane, or one number for all lanes (2-D)."""
+
+
+@chosen_by_type(fetch)
+def _fetch(lanes: Any, values: Any, p: int) -> Any:
+    if values.ndim == 2:
+        return lambda lanes, values, p: splat(lanes, values[p // len(lanes), 0])
+    return lambda lanes, values, p: load(lanes, values, p, 0)
+
+
 def measure_bar(group: Any, p: int, dx: Any, dy: Any, dz: Any) -> Any:
     """Return stretch, length and the vector from i to j."""
 
@@ -80,11 +91,11 @@ def _measure_bar(group: Any, p: int, dx: Any, dy: Any, dz: Any) -> Any:
     def displaced(group, p, dx, dy, dz):
         lanes = group.lanes
         ox, oy, oz = group.offset[0], group.offset[1], group.offset[2]
-        rx, ry, rz = load(lanes, ox, p, 0), load(lanes, oy, p, 0), load(lanes, oz, p, 0)
+        rx, ry, rz = fetch(lanes, ox, p), fetch(lanes, oy, p), fetch(lanes, oz, p)
         ex, ey, ez = rx + dx, ry + dy, rz + dz
         length = math.sqrt(ex * ex + ey * ey + ez * ez + TINY)
         # l^2 - relaxed^2 without the cancellation of two nearly equal squares.
-        squares = load(lanes, group.offset[3], p, 0) + (
+        squares = fetch(lanes, group.offset[3], p) + (
             dx * (rx + ex) + dy * (ry + ey) + dz * (rz + ez)
         )
         return squares / (length + load(lanes, group.relaxed, p, 0)), length, ex, ey, ez

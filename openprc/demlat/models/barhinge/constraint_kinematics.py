@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from openprc.demlat.linear.ldl import jit
+from openprc.demlat.compiled.jit import jit
 from openprc.demlat.linear.symbolic import Reals
 
 

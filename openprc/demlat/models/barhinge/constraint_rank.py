@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr  # noqa: TID253 - a rank is what this file computes
 
-from openprc.demlat.linear import solve
-from openprc.demlat.models.barhinge.constraints import prepare, push, rates
+from openprc.demlat.models.barhinge.constraint_calls import prepare, push, rates, solve
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,13 +10,9 @@ import numpy as np
 
 from openprc.demlat.linear import PIVOT_TOLERANCE, analyse
 from openprc.demlat.linear.symbolic import Factor
+from openprc.demlat.models.barhinge.constraint_calls import newton_positions, values
 from openprc.demlat.models.barhinge.constraint_rank import dependent_rows, shaken
-from openprc.demlat.models.barhinge.constraints import (
-    ConstraintTable,
-    ConstraintWork,
-    newton_positions,
-    values,
-)
+from openprc.demlat.models.barhinge.constraints import ConstraintTable, ConstraintWork
 from openprc.demlat.observables import hinge_angles
 from openprc.errors import ConfigError
 
@@ -88,7 +84,9 @@ def flat_state(columns: ArrayLike, *, stride: int) -> Reals:
 
 def inverse_masses(geometry: Geometry, *, held: Flags, stride: int) -> Reals:
     """Return the flat inverse masses [1/kg], 0 on held axes: (3 * stride,)."""
-    return flat_state(np.where(held, 0.0, 1.0 / geometry.masses[:, np.newaxis]), stride=stride)
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / geometry.masses[:, np.newaxis]
+    return flat_state(np.where(held, 0.0, inverse), stride=stride)
 
 
 def constraint_table(

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from openprc.demlat.linear.ldl import clear, factorise, jit, refine, solve
+from openprc.demlat.compiled.jit import jit
+from openprc.demlat.linear.ldl import clear, factorise, solve
 from openprc.demlat.linear.symbolic import Factor, Index, Integers, Reals
 from openprc.demlat.models.barhinge.constraint_kinematics import (
     bar_value,
@@ -74,8 +75,8 @@ class ConstraintWork(NamedTuple):
     mobile : (2 B + 4 H, 3) [1/kg]
         `gradient` times the inverse masses.
     right, step, multiplier : (R,)
-        A right-hand side, the solution of the last system, and the sum of the solutions of
-        one projection.
+        Second rates, the solution of the last system, and the sum of the solutions of one
+        projection.
     corner : (4, 3)
         Scratch: the gradient of one hinge.
     """
@@ -392,7 +393,5 @@ def multipliers(
     second_rates(x, v, table, work.right)
     rates(acceleration, table, work, work.step)
     for r in range(work.step.size):
-        work.right[r] = -(work.step[r] + work.right[r])
-        work.multiplier[r] = work.right[r]
+        work.multiplier[r] = -(work.step[r] + work.right[r])
     solve(factor, work.multiplier)
-    refine(factor, work.right, work.multiplier)

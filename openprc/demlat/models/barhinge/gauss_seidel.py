@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from openprc.demlat.linear.ldl import jit
+from openprc.demlat.compiled.jit import jit
 from openprc.demlat.linear.symbolic import Index, Reals
 from openprc.demlat.models.barhinge.constraint_kinematics import (
     bar_value,

@@ -10,7 +10,7 @@ from numba import types
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, place, scatter, splat
 from openprc.demlat.models.barhinge import laws
-from openprc.demlat.models.barhinge.bar_kernels import damp, difference, keep, push
+from openprc.demlat.models.barhinge.bar_kernels import damp, difference, fetch, keep, push
 from openprc.demlat.models.barhinge.laws import select
 from openprc.demlat.models.barhinge.tables import (
     HINGES,
@@ -111,15 +111,15 @@ def _edges(group: Any, space: Any, stride: int, x: Any, p: int, places: Any) -> 
         lanes, o = group.lanes, group.offset
         ax, ay, az, bx, by, bz, cx, cy, cz = _edges_of(lanes, space, stride, x, places)
         return (
-            ax + load(lanes, o[0], p, 0),
-            ay + load(lanes, o[1], p, 0),
-            az + load(lanes, o[2], p, 0),
-            bx + load(lanes, o[3], p, 0),
-            by + load(lanes, o[4], p, 0),
-            bz + load(lanes, o[5], p, 0),
-            cx + load(lanes, o[6], p, 0),
-            cy + load(lanes, o[7], p, 0),
-            cz + load(lanes, o[8], p, 0),
+            ax + fetch(lanes, o[0], p),
+            ay + fetch(lanes, o[1], p),
+            az + fetch(lanes, o[2], p),
+            bx + fetch(lanes, o[3], p),
+            by + fetch(lanes, o[4], p),
+            bz + fetch(lanes, o[5], p),
+            cx + fetch(lanes, o[6], p),
+            cy + fetch(lanes, o[7], p),
+            cz + fetch(lanes, o[8], p),
         )
 
     return displaced

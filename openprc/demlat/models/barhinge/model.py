@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from openprc.demlat.integrators import Settings, find_integrator
-from openprc.demlat.models.barhinge.support import remarks, scene_size, supports
+from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
+from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
-from openprc.demlat.stability import stable_step
+from openprc.demlat.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ BACKENDS: tuple[Backend, ...] = get_args(Backend)
 BLOCK_BYTES = 4 << 20
 #: ... or after about this many element updates, so that progress shows and Ctrl-C works.
 BLOCK_WORK = 20_000_000
-#: A coordinate beyond this many times the size of the scene is no result but a blow-up.
-ESCAPE_FACTOR = 1e6
 
 
 class BarHingeModel:
@@ -74,6 +73,8 @@ class BarHingeModel:
             have been yielded.
         """
         # Compiled code is loaded when something runs, not when an experiment is built.
+        from openprc.demlat.contact.hook import OVERFULL  # noqa: PLC0415
+        from openprc.demlat.contact.table import Rewind  # noqa: PLC0415
         from openprc.demlat.integrators.stepping import advance, begin  # noqa: PLC0415
         from openprc.demlat.models.barhinge.assembly import assemble  # noqa: PLC0415
 
@@ -90,9 +91,13 @@ class BarHingeModel:
         frame = 0
         while frame < experiment.n_frames - 1:
             count = min(len(out.x), experiment.n_frames - 1 - frame)
+            rewind = Rewind(body, state, scheme)
             done, escaped, time = advance(
                 scheme, body, state, energy, control, frame, count, scale, out
             )
+            if escaped == OVERFULL:
+                body = rewind.repeat(body)
+                continue
             if done:
                 yield frame + 1, self._finished(assembly, out, done)
             if escaped >= 0:
@@ -135,20 +140,25 @@ class BarHingeModel:
     def _diverged(self, assembly: Assembly, coordinate: int, time: float) -> Diverged:
         experiment = self.experiment
         axis, node = divmod(coordinate, assembly.packing.stride)
-        limit = stable_step(experiment)
+        limit = step_limit(experiment)
         bound = ESCAPE_FACTOR * scene_size(experiment)
+        positions = assembly.packing.nodes(assembly.state.x)[0] * assembly.scaler.length
+        positions = positions + assembly.reference[0, :, : assembly.packing.dims]
         return Diverged(
             f"node {node} left the range of plausible positions along {'xyz'[axis]}"
-            f" by t = {time:.6g} s",
+            f" by t = {time:.6g} s{strained_most(experiment, positions, node)}",
             expected=f"coordinates below {bound:.3g} m",
-            fix=f"use a smaller dt: it is {experiment.dt:g} s, and the stability limit"
-            f" estimated at rest is {limit:.3g} s; frames up to then are in the partial file",
+            fix=f"{way_out(limit, experiment.dt)}; frames up to then are in the partial file",
             key="simulation.dt",
         )
 
 
 def make_control(kind: str, settings: Settings, steps_per_frame: int) -> Any:
     """Return what tells the compiled loop how to get from frame to frame."""
+    if kind == "adaptive":
+        from openprc.demlat.integrators.adaptive import AdaptiveControl  # noqa: PLC0415  compiles
+
+        return AdaptiveControl(settings.frame_time, settings.h, settings.limit)
     from openprc.demlat.integrators.stepping import FixedControl  # noqa: PLC0415  compiles
 
     return FixedControl(settings.frame_time, steps_per_frame, settings.h, settings.limit)

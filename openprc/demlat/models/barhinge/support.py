@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.demlat.contact.findings import contact_refusals, contact_remarks
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
-from openprc.demlat.stability import stable_step
+from openprc.demlat.stability import is_surely_sound, step_limit
 from openprc.schema.findings import Finding
 
 if TYPE_CHECKING:
     from openprc.schema.experiment import Experiment
+
+#: A coordinate beyond this many times the size of the scene is no result but a blow-up.
+ESCAPE_FACTOR = 1e6
 
 
 def scene_size(experiment: Experiment) -> float:
@@ -26,8 +30,12 @@ def scene_size(experiment: Experiment) -> float:
     lightest = np.min(geometry.masses[geometry.masses > 0], initial=np.inf)
     for actuator in experiment.actuators:
         largest = np.abs(experiment.signals[actuator.signal].values).max()
-        push = largest / lightest * duration**2
-        lengths.append(largest if actuator.type == "position" else push)
+        reach = {
+            "position": largest,
+            "velocity": largest * duration,
+            "force": largest / lightest * duration**2,
+        }
+        lengths.append(reach[actuator.type])
     return float(max(lengths)) or 1.0
 
 
@@ -55,15 +63,7 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
                 fix="choose one of these, or give them a stiffness about 100 times that of the"
                 " soft ones",
             )
-    if experiment.collision.enabled and geometry.collidable.sum() > 1:
-        yield Finding(
-            code="DEM-COLLISION",
-            level="error",
-            path="physics.enable_collision",
-            found=f"collision between {int(geometry.collidable.sum())} collidable nodes",
-            expected="no collision; contact is not modelled",
-            fix="set enable_collision to false, or use a producer with contact",
-        )
+    yield from contact_refusals(experiment)
     if experiment.integrator not in INTEGRATORS:
         yield Finding(
             code="DEM-INTEGRATOR",
@@ -87,7 +87,27 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
                 expected="forces on axes that can move",
                 fix="drop the axis or the actuator: the force would have no effect",
             )
-    yield from _degenerate_hinges(experiment)
+    degenerate = list(_degenerate_hinges(experiment))
+    yield from degenerate
+    if scheme is not None and not degenerate and experiment.step_check == "refuse":
+        yield from _unstable_step(experiment)
+
+
+def _unstable_step(experiment: Experiment) -> Iterator[Finding]:
+    if is_surely_sound(experiment):
+        return
+    limit = step_limit(experiment)
+    if experiment.dt > limit.limit:
+        yield Finding(
+            code="DEM-UNSTABLE-STEP",
+            level="error",
+            path="simulation.dt",
+            found=f"dt = {experiment.dt:g} s with the integrator {limit.scheme!r}, whose motion"
+            f" would blow up: {limit.setter} sets the stability limit",
+            expected=f"at most {limit.limit:.4g} s",
+            fix=f"take {limit.recommended:.3g} s or less (set_simulation_params(dt='auto') does),"
+            " choose an integrator that chooses its step, or set simulation.step_check to 'warn'",
+        )
 
 
 def _degenerate_hinges(experiment: Experiment) -> Iterator[Finding]:
@@ -114,14 +134,8 @@ def _degenerate_hinges(experiment: Experiment) -> Iterator[Finding]:
 def remarks(experiment: Experiment) -> Iterator[str]:
     """Yield what the reader of the result should know; nothing of it stops the run."""
     yield from experiment.notes
-    limit = stable_step(experiment)
-    if experiment.dt > limit:
-        yield (
-            f"dt = {experiment.dt:g} s is above {limit:.3g} s, the stability limit of rk4"
-            " estimated from masses, stiffnesses and dampings at rest: expect divergence"
-        )
-    if experiment.collision.enabled and experiment.geometry.collidable.sum() < 2:
-        yield "enable_collision is on and fewer than two nodes are collidable: nothing can collide"
+    yield from _step_remarks(experiment)
+    yield from contact_remarks(experiment)
     step = experiment.save_interval / experiment.steps_per_frame
     for name in dict.fromkeys(actuator.signal for actuator in experiment.actuators):
         signal = experiment.signals[name]
@@ -137,6 +151,14 @@ def remarks(experiment: Experiment) -> Iterator[str]:
                 f" ({step:g} s): the error there is of lower order than 4"
             )
     yield from _initial_jumps(experiment)
+
+
+def _step_remarks(experiment: Experiment) -> Iterator[str]:
+    if is_surely_sound(experiment):
+        return
+    remark = step_limit(experiment).remark(experiment.dt)
+    if remark:
+        yield remark
 
 
 def _initial_jumps(experiment: Experiment) -> Iterator[str]:

@@ -37,9 +37,9 @@ class LinearBars(NamedTuple):
         Places of the ends.
     stiffness, relaxed, damping : (B * width,) [N/m], [m], [N*s/m]
         `damping` is None where no bar of the group has any.
-    offset : None or four arrays (B * width,) [m], [m], [m], [m2]
+    offset : None or four arrays (B * width,) or (B, 1) [m], [m], [m], [m2]
         In displacement form: the vector from i to j in the reference state, and its square
-        minus the square of `relaxed`.
+        minus the square of `relaxed`; (B, 1) where all scenes of an ensemble share it.
     """
 
     lanes: Lanes
@@ -129,7 +129,7 @@ class LinearHinges(NamedTuple):
         `damping` is None where no hinge of the group has any.
     sine, cosine : (B * width,)
         Of the rest bend, which is the rest angle minus pi.
-    offset : None or nine arrays (B * width,) [m]
+    offset : None or nine arrays (B * width,) or (B, 1) [m]
         In displacement form: the vectors j to i, j to k and l to k in the reference state.
     """
 
@@ -223,7 +223,7 @@ class Body(NamedTuple):
         Likewise.
     bars, hinges : tuple of groups
     drives : Drives or None
-    contacts : tuple of contact tables
+    contacts : tuple of at most one `openprc.demlat.contact.table.ContactTable`
     constraints : ConstraintTable or None
     mass, full_weight : (dims * stride,) [kg], [N]
         Of all coordinates, for energies.
@@ -254,13 +254,13 @@ class State(NamedTuple):
     Attributes
     ----------
     x, v : (dims * stride,) [m], [m/s]
-    ledger : (5 * LEDGER_STRIDE,) [J]
-        Rows as in `LEDGER`. In an ensemble the columns are its scenes, else they add up.
+    ledger : (5 * LEDGER_STRIDE,) [J], or None
+        Rows as in `LEDGER`; the columns add up.
     """
 
     x: Reals
     v: Reals
-    ledger: Reals
+    ledger: Reals | None
 
 
 class FrameBuffer(NamedTuple):

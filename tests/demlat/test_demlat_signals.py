@@ -5,7 +5,7 @@ import pytest
 
 from openprc.demlat import SimulationSetup
 from openprc.demlat.drive import Drive, smooth_step
-from openprc.demlat.generators import (
+from openprc.demlat.signals import (
     HAUSER_FREQUENCIES,
     chirp,
     from_array,
@@ -125,9 +125,7 @@ def test_the_product_of_sines_has_the_four_combined_frequencies():
     t = drive.times
     combined = [f1 + f2 - f3, f1 - f2 + f3, -f1 + f2 + f3, f1 + f2 + f3]
     signs = [1, 1, 1, -1]
-    wanted = 0.05 * sum(
-        s * np.sin(2 * np.pi * f * t) for s, f in zip(signs, combined, strict=True)
-    )
+    wanted = 0.05 * sum(s * np.sin(2 * np.pi * f * t) for s, f in zip(signs, combined, strict=True))
     assert np.allclose(drive.values[:, 0], wanted, atol=1e-13)
     assert abs(drive.values[1, 0]) < 0.2 * (2 * np.pi * 0.01) ** 3 * f1 * f2 * f3
 

@@ -1,0 +1,48 @@
+"""What back ends beside the compiled CPU kernels share: blocks of frames, and blow-ups."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, scene_size
+from openprc.demlat.models.barhinge.tables import FrameBuffer
+from openprc.demlat.stability import stable_step
+from openprc.errors import Diverged
+
+if TYPE_CHECKING:
+    from openprc.schema.experiment import Experiment
+
+#: Saved frames are handed on when about this much has gathered, or after that many frames.
+BLOCK_BYTES = 16 << 20
+BLOCK_FRAMES = 64
+
+
+def frame_block(experiment: Experiment) -> FrameBuffer:
+    """Return a buffer for as many frames of `experiment` as are handed on at once."""
+    geometry = experiment.geometry
+    frame_bytes = 48 * geometry.n_nodes + 16 * (len(geometry.bars) + len(geometry.hinges))
+    most = min(BLOCK_BYTES // frame_bytes, BLOCK_FRAMES)
+    return FrameBuffer.for_frames(
+        max(1, min(experiment.n_frames, most)),
+        n_nodes=geometry.n_nodes,
+        dims=3,
+        n_bars=len(geometry.bars),
+        n_hinges=len(geometry.hinges),
+    )
+
+
+def plausible_size(experiment: Experiment) -> float:
+    """Return the size [m] beyond which a coordinate is no result but a blow-up."""
+    return ESCAPE_FACTOR * scene_size(experiment)
+
+
+def diverged(experiment: Experiment, *, node: int, axis: int, time: float) -> Diverged:
+    """Return the error of a run in which a coordinate left the plausible range by `time` [s]."""
+    return Diverged(
+        f"node {node} left the range of plausible positions along {'xyz'[axis]}"
+        f" by t = {time:.6g} s",
+        expected=f"coordinates below {plausible_size(experiment):.3g} m",
+        fix=f"use a smaller dt: it is {experiment.dt:g} s, and the stability limit estimated at"
+        f" rest is {stable_step(experiment):.3g} s; frames up to then are in the partial file",
+        key="simulation.dt",
+    )

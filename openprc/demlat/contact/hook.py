@@ -1,0 +1,95 @@
+"""Contact as a part of every step with a fixed size, whatever the scheme."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from openprc.demlat.compiled.jit import chosen_by_type, jit
+from openprc.demlat.contact.response import (
+    forget_chains,
+    let_bounce,
+    let_part,
+    let_rest,
+    open_records,
+)
+from openprc.demlat.contact.search import MARGIN, gather, keep_lists, largest_move
+from openprc.demlat.contact.table import NEAR
+
+#: In place of a coordinate that left the plausible range: a list was too short. What was done
+#: since the state was last saved is to be repeated with more room.
+OVERFULL = -2
+
+
+def remember(contacts: Any, state: Any) -> None:
+    """Keep the state at the start of a step."""
+
+
+@chosen_by_type(remember)
+def _remember(contacts, state):
+    if len(contacts) == 0:
+        return lambda contacts, state: None
+
+    def keep(contacts, state):
+        contacts[0].start[:] = state.x
+        contacts[0].acceleration[:] = state.v
+
+    return keep
+
+
+@jit
+def respond(table: Any, body: Any, state: Any, h: float) -> int:
+    """Let bodies touch; return 1 if the state changed, 0 if not, `OVERFULL` without room."""
+    acceleration = table.acceleration
+    for at in range(acceleration.size):
+        acceleration[at] = (state.v[at] - acceleration[at]) / h
+    margin = MARGIN * largest_move(table, body, state.x, table.start)
+    if not keep_lists(table, body, state.x, margin):
+        return OVERFULL
+    if not gather(table, body, state.x, margin):
+        return OVERFULL
+    if table.status[NEAR] == 0:
+        return 0
+    open_records(table, body, state, h)
+    changed = let_bounce(table, body, state)
+    changed |= let_rest(table, body, state)
+    changed |= let_part(table, body, state)
+    forget_chains(table)
+    return int(changed)
+
+
+def collide(scheme: Any, body: Any, state: Any, h: float) -> bool:
+    """Let bodies touch at the end of a step; say whether a list was too short for that."""
+
+
+@chosen_by_type(collide)
+def _collide(scheme, body, state, h):
+    kinds = dict(zip(body.fields, body.types, strict=True))
+    if len(kinds["contacts"]) == 0:
+        return lambda scheme, body, state, h: False
+
+    def after_step(scheme, body, state, h):
+        outcome = respond(body.contacts[0], body, state, h)
+        if outcome == 1:
+            forget_forces(scheme)
+        return outcome == OVERFULL
+
+    return after_step
+
+
+def forget_forces(scheme: Any) -> None:
+    """Tell a scheme that carries forces from step to step that the state has changed."""
+
+
+@chosen_by_type(forget_forces)
+def _forget_forces(scheme):
+    fields = getattr(scheme, "fields", ())
+    if "clock" in fields:
+
+        def unwind(scheme):
+            scheme.clock[0] = math.nan
+
+        return unwind
+    if "fast" in fields:
+        return lambda scheme: forget_forces(scheme.fast)
+    return lambda scheme: None

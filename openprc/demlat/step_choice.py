@@ -1,0 +1,44 @@
+"""Choosing the time step of an experiment."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from openprc.demlat.integrators import find_integrator
+from openprc.demlat.stability import step_limit
+from openprc.schema.experiment_checks import check_experiment
+
+if TYPE_CHECKING:
+    from openprc.schema.experiment import Experiment
+
+
+def with_chosen_step(experiment: Experiment) -> Experiment:
+    """Return the experiment with the largest recommended step that divides `save_interval`.
+
+    Its notes say which step that is, and what sets it. An experiment in which nothing is stiff
+    takes one step a frame.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Whose `dt` is only a placeholder that divides `save_interval`.
+
+    Raises
+    ------
+    ConfigError
+        When the experiment is wrong, or its integrator is not known.
+    """
+    check_experiment(experiment)
+    find_integrator(experiment.integrator)
+    limit = step_limit(experiment)
+    n_steps = max(1, math.ceil(experiment.save_interval / limit.recommended * (1.0 - 1e-12)))
+    dt = experiment.save_interval / n_steps
+    why = "nothing bounds it"
+    if limit.culprit is not None and math.isfinite(limit.limit):
+        why = f"{limit.culprit.text} sets the stability limit, {limit.limit:.4g} s"
+    elif math.isinf(limit.limit) and limit.omega > 0.0:
+        why = f"{experiment.integrator} chooses its steps itself; this is the first"
+    note = f"dt = {dt:.6g} s was chosen, {n_steps} steps a frame: {why}"
+    return replace(experiment, dt=dt, notes=(*experiment.notes, note))
