@@ -6,9 +6,17 @@ from pathlib import Path
 
 import click
 
-from openprc.cli.console import force_option, json_option, print_json, progress_bar
+from openprc.cli.console import (
+    console,
+    force_option,
+    json_option,
+    print_findings,
+    print_json,
+    progress_bar,
+    table,
+)
 from openprc.cli.import_run import show_run
-from openprc.hooks.running import run_experiment
+from openprc.hooks.running import plan_experiment, run_experiment
 
 
 @click.command("run")
@@ -17,18 +25,49 @@ from openprc.hooks.running import run_experiment
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Default: FOLDER/output/simulation.h5."
 )
+@click.option("--integrator", help="Instead of the one in config.json.")
 @click.option("--seed", type=int, help="For producers that draw random numbers.")
+@click.option("--plan", "only_plan", is_flag=True, help="Say what a run would do; run nothing.")
 @force_option
 @json_option
 def command(
-    folder: Path, producer: str, out: Path | None, seed: int | None, force: bool, as_json: bool
+    folder: Path,
+    producer: str,
+    out: Path | None,
+    integrator: str | None,
+    seed: int | None,
+    only_plan: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Simulate the experiment in FOLDER (input/geometry.h5, signals.h5, config.json)."""
+    if only_plan:
+        show_plan(folder, producer, integrator=integrator, as_json=as_json)
+        return
     with progress_bar(f"running {folder.name}", hidden=as_json) as progress:
         run = run_experiment(
-            folder, out, producer=producer, seed=seed, overwrite=force, progress=progress
+            folder,
+            out,
+            producer=producer,
+            integrator=integrator,
+            seed=seed,
+            overwrite=force,
+            progress=progress,
         )
     if as_json:
         print_json(run.as_dict())
     else:
         show_run(run)
+
+
+def show_plan(folder: Path, producer: str, *, integrator: str | None, as_json: bool) -> None:
+    """Print what a run would do and cost, and what is odd about the scene."""
+    plan = plan_experiment(folder, producer=producer, integrator=integrator)
+    if as_json:
+        print_json(plan.as_dict())
+        return
+    out = console()
+    out.print(table(["plan", str(folder)], plan.rows()))
+    for remark in plan.remarks:
+        out.print(f"note: {remark}", markup=False)
+    print_findings(out, plan.findings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,7 @@ class Engine:
         self,
         simulation: Simulation | str | Path,
         *,
+        integrator: str | None = None,
         overwrite: bool | None = None,
         progress: Progress | None = None,
     ) -> RunResult:
@@ -75,6 +76,9 @@ class Engine:
         Parameters
         ----------
         simulation : Simulation or path-like
+        integrator : str, optional
+            Instead of the one in config.json, in which older folders name none; "legacy"
+            repeats the stepping of openprc up to 0.1.1.
         overwrite : bool, optional
             Replace a finished result. By default as ``export.overwrite`` in config.json says,
             which a `SimulationSetup` made with ``overwrite=True`` sets.
@@ -95,6 +99,8 @@ class Engine:
         if not isinstance(simulation, Simulation):
             simulation = Simulation(simulation)
         experiment = simulation.experiment
+        if integrator is not None:
+            experiment = replace(experiment, integrator=integrator)
         producer = DemlatProducer(model=self.model, backend=self.backend)
         provenance = Provenance(
             "demlat",

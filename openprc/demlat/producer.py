@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from openprc.demlat.models.barhinge.tables import FrameBuffer
+    from openprc.demlat.plan import Plan
     from openprc.hooks.protocols import Progress
     from openprc.schema import Experiment, Finding, TrajectoryWriter
 
@@ -44,6 +45,13 @@ class DemlatProducer:
     def supports(self, experiment: Experiment) -> Sequence[Finding]:
         """Return what the engine cannot model in `experiment`; empty means all of it."""
         return self.model.supports(experiment)
+
+    def plan(self, experiment: Experiment) -> Plan:
+        """Return what a run of `experiment` would do and cost; nothing is run."""
+        # Checks that only a plan makes load scipy.
+        from openprc.demlat.plan import make_plan  # noqa: PLC0415
+
+        return make_plan(experiment)
 
     def run(
         self,
@@ -163,7 +171,7 @@ class _Recorder:
         system["work_in"] = block.ledger[:, 0]
         system["dissipated"] = block.ledger[:, 1:].sum(axis=1)
         system["potential_energy"] = block.energy[:, 1:].sum(axis=1)
-        system["total_energy"] = block.energy.sum(axis=1)
+        system["total_energy"] = system["kinetic_energy"] + system["potential_energy"]
         self.writer.append(
             times,
             positions=block.x[..., : self.dims],

@@ -113,11 +113,17 @@ class SimulationSetup(GeometryBuilder):
         elif dt is None:
             raise ConfigError("no dt", expected="the time between samples", key=f"signals/{name}")
         else:
-            drive = Drive(
-                values=np.asarray(data, dtype="f8"),
-                dt=number(dt, "dt"),
-                interpolation=interpolation or "linear",
-            )
+            try:
+                drive = Drive(
+                    values=np.asarray(data, dtype="f8"),
+                    dt=number(dt, "dt"),
+                    interpolation=interpolation or "linear",
+                )
+            except ConfigError as error:
+                # A drive does not know its name; the reader needs it.
+                raise ConfigError(
+                    error.found, expected=error.expected, fix=error.fix, key=f"signals/{name}"
+                ) from None
         self._signals[name] = Signal(
             name=name,
             values=drive.values,

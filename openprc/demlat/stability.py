@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -17,6 +17,7 @@ from openprc.demlat.step_limits import (
     rk4_loss,
 )
 from openprc.demlat.tangent_operators import Culprit, TangentOperators
+from openprc.schema.geometry import Bars
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class StepLimit:
         At most this share of the limit: `RECOMMENDED`; for rk4 also so small that the scheme
         takes no more out of the fastest mode than its own damping does, or than at
         `ACCURATE` of the limit.
+    damped : bool
+        Whether anything but the scheme takes energy.
     """
 
     scheme: str
@@ -76,6 +79,7 @@ class StepLimit:
     zeta: float
     culprit: Culprit | None
     recommended: float
+    damped: bool
 
     @property
     def setter(self) -> str:
@@ -93,7 +97,7 @@ class StepLimit:
         most; "dissipative" where rk4 damps the fastest mode more than the body does, and
         noticeably; else "fine".
         """
-        kind = INTEGRATORS[self.scheme].stability
+        kind = _kind(self.scheme)
         if kind == "none" or not dt > ACCURATE * self.limit:
             return "fine"
         if dt > RECOMMENDED[kind] * self.limit:
@@ -113,7 +117,7 @@ class StepLimit:
         if verdict == "unstable":
             return f"{at} of {self.scheme} that {self.setter} sets at the start: expect divergence"
         if verdict == "marginal":
-            return f"{at} that {self.setter} sets at the start: deformation may lower the limit below it"
+            return f"{at} that {self.setter} sets at the start: deformation may lower it"
         return (
             f"{at}: rk4 itself takes {self.loss(dt):.2g} of the energy of the fastest mode"
             f" ({self.omega:.3g} rad/s) in a period, and less than 0.01 with a step of"
@@ -153,9 +157,11 @@ def is_surely_sound(experiment: Experiment) -> bool:
 
     Most experiments pass, so that sweeps over thousands of them need no eigenvalues.
     """
-    kind = INTEGRATORS[experiment.integrator].stability
+    kind = _kind(experiment.integrator)
     if kind == "none":
         return True
+    if experiment.integrator == "respa":
+        experiment = _without_bars(experiment)
     body = TangentOperators(experiment)
     omega, rate = np.sqrt(body.stiffness_bound()), body.damping_bound()
     if kind == "verlet":
@@ -174,7 +180,9 @@ def stable_step(experiment: Experiment) -> float:
 
 def _estimate(experiment: Experiment) -> StepLimit:
     name = experiment.integrator
-    kind = INTEGRATORS[name].stability
+    kind = _kind(name)
+    if name == "respa":
+        experiment = _without_bars(experiment)
     body = TangentOperators(experiment)
     space = _Projections(body)
     # A fixed generator, so that a run's remarks are reproducible.
@@ -199,7 +207,11 @@ def _estimate(experiment: Experiment) -> StepLimit:
             omega=float(omega),
             zeta=zeta,
             culprit=highest,
-            recommended=float("inf"),
+            # The first step of a scheme that chooses the others; an implicit one takes any.
+            recommended=1.0 / float(omega)
+            if omega > 0.0 and INTEGRATORS[name].step == "adaptive"
+            else float("inf"),
+            damped=body.damped or body.drag > 0.0,
         )
     binding = largest_step(kind, stiffness, damping)
     if body.damped and dashpots.largest > np.sqrt(square):
@@ -213,7 +225,17 @@ def _estimate(experiment: Experiment) -> StepLimit:
         zeta=zeta,
         culprit=body.culprit(space.combined(binding.mode), binding.rate) if finite else None,
         recommended=_recommended(kind, float(limit), float(omega), zeta),
+        damped=body.damped or body.drag > 0.0,
     )
+
+
+def _kind(name: str) -> str:
+    # The outer loop of respa is Verlet's, and the bars choose their steps in the inner one.
+    return "verlet" if name == "respa" else INTEGRATORS[name].stability
+
+
+def _without_bars(experiment: Experiment) -> Experiment:
+    return replace(experiment, geometry=replace(experiment.geometry, bars=Bars()))
 
 
 def _recommended(kind: str, limit: float, omega: float, zeta: float) -> float:
@@ -330,9 +352,13 @@ class _Projections:
         damping = self.body.drag * np.eye(self.size)
         if not self.body.damped:
             return springs.matrix, damping
+        known = len(springs.matrix)
         stiffness = np.zeros_like(damping)
+        stiffness[:known, :known] = springs.matrix
         for column, vector in enumerate(self.basis):
-            stiffness[:, column] = self.parts(self.body.stiffness(vector))
+            if column >= known:
+                stiffness[:, column] = self.parts(self.body.stiffness(vector))
+                stiffness[column, :known] = stiffness[:known, column]
             damping[:, column] += self.parts(self.body.damping(vector))
         return 0.5 * (stiffness + stiffness.T), damping
 

@@ -38,7 +38,7 @@ def with_chosen_step(experiment: Experiment) -> Experiment:
     why = "nothing bounds it"
     if limit.culprit is not None and math.isfinite(limit.limit):
         why = f"{limit.culprit.text} sets the stability limit, {limit.limit:.4g} s"
-    elif math.isinf(limit.limit) and limit.omega > 0.0:
+    elif find_integrator(experiment.integrator).step == "adaptive":
         why = f"{experiment.integrator} chooses its steps itself; this is the first"
     note = f"dt = {dt:.6g} s was chosen, {n_steps} steps a frame: {why}"
     return replace(experiment, dt=dt, notes=(*experiment.notes, note))

@@ -43,9 +43,7 @@ class BindingMode(NamedTuple):
 
 
 def largest_step(scheme: str, stiffness: Reals, damping: Reals) -> BindingMode:
-    """Return the largest stable step.
-
-    Modes that grow by themselves (a body that buckles) bound no step.
+    """Return the largest step with which no decaying motion grows.
 
     Parameters
     ----------
@@ -63,7 +61,7 @@ def largest_step(scheme: str, stiffness: Reals, damping: Reals) -> BindingMode:
         return BindingMode(float("inf"), np.zeros(len(stiffness), complex), 0.0)
     rates, modes, size = rates[decays], modes[:, decays], size[decays]
     if scheme == "rk4":
-        directions = np.minimum(rates.real, 0.0) + 1j * np.abs(rates.imag)
+        directions = np.minimum(rates.real, -1e-300) + 1j * np.abs(rates.imag)
         steps = rk4_reach(directions / np.abs(directions)) / size
     else:
         steps = pefrl_step(
@@ -143,10 +141,12 @@ def pefrl_step(stiffness: Reals, damping: Reals) -> Reals:
 
     By bisection on the spectral radius of the step's 2 x 2 matrix; 2.989 / omega undamped.
     """
-    unit = np.maximum(np.sqrt(np.maximum(stiffness, 0.0)), np.abs(damping))
+    # A mode without stiffness of its own grows whatever the step; its damping still counts.
+    stiffness = np.maximum(stiffness, 0.0)
+    unit = np.maximum(np.maximum(np.sqrt(stiffness), np.abs(damping)), 1e-300)
     # Damping lets some modes bear more than undamped ones do; their neighbours may not.
     with np.errstate(divide="ignore"):
-        top = np.minimum(PEFRL_UNDAMPED / np.sqrt(np.maximum(stiffness, 0.0)), 4.0 / unit)
+        top = np.minimum(PEFRL_UNDAMPED / np.sqrt(stiffness), 4.0 / unit)
     low = np.zeros_like(unit)
     # The first unstable step, not just some: walk up, then bisect.
     for share in np.linspace(0.01, 1.0, 100):

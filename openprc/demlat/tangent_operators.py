@@ -188,8 +188,7 @@ class TangentOperators:
         else:
             force = self._pulled(self._printed[:, np.newaxis] * along)
             # The weight of a node is sqrt(m) more than that of a force between the nodes.
-            with np.errstate(divide="ignore"):
-                force = np.where(self._root > 0, force / self._root, 0.0)
+            force /= np.where(self._root > 0, self._root, np.inf)
         if len(self._corners):
             self._add_hinges(force, self._hinge_dashpots, u)
         return self._per_mass(force)
@@ -247,7 +246,8 @@ class TangentOperators:
     def _row_bound(self, bars: Reals, hinges: Reals, weights: Reals) -> float:
         moves = (weights > 0).astype(float)
         neighbours = moves[self._ends].sum(axis=1) * bars
-        rows = np.bincount(self._ends.ravel(), np.repeat(neighbours, 2), self._n_nodes)
+        rows = np.zeros(self._n_nodes)
+        rows += np.bincount(self._ends.ravel(), np.repeat(neighbours, 2), self._n_nodes)
         if len(self._corners):
             arms = np.linalg.norm(self._gradients, axis=2) * moves[self._corners]
             pushes = (hinges * arms.sum(axis=1))[:, np.newaxis] * arms
@@ -271,8 +271,7 @@ class TangentOperators:
         if self._printed is None:
             springs += rate * self._dashpots * axial
         else:
-            with np.errstate(divide="ignore"):
-                root_mass = np.where(self._root > 0, 1.0 / self._root, 0.0).max(axis=1)
+            root_mass = (1.0 / np.where(self._root > 0, self._root, np.inf)).max(axis=1)
             springs += rate * self._printed * square * root_mass[self._ends].max(axis=1)
         turned = np.abs(np.einsum("kna,kna->k", self._gradients, u[self._corners])) ** 2
         folds = (self._hinge_tangent + rate * self._hinge_dashpots) * turned

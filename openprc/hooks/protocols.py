@@ -62,6 +62,37 @@ class Runner(Protocol):
         ...
 
 
+class RunPlan(Protocol):
+    """What a producer knows about a run before it is made."""
+
+    @property
+    def findings(self) -> Sequence[Finding]:
+        """What is refused ("error"), and what is odd ("warning", "hint")."""
+        ...
+
+    @property
+    def remarks(self) -> Sequence[str]:
+        """What the run would note in its file."""
+        ...
+
+    def rows(self) -> Sequence[tuple[str, str]]:
+        """Return names and texts for a table."""
+        ...
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data, for JSON."""
+        ...
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """A `Runner` that can say beforehand what a run would do; optional."""
+
+    def plan(self, experiment: Experiment) -> RunPlan:
+        """Look at `experiment` without running it."""
+        ...
+
+
 @runtime_checkable
 class Recorder(Protocol):
     """Attaches to a simulation whose loop the user's own script owns (``"record"``)."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from openprc.errors import UnsupportedScene
 from openprc.hooks.faults import owned_by
 from openprc.hooks.importing import ProducedRun, describe_run, refuse_invalid
-from openprc.hooks.protocols import Progress, Runner
+from openprc.hooks.protocols import Planner, Progress, Runner, RunPlan
 from openprc.hooks.registry import Registry, default_registry
 from openprc.schema.experiment import load_experiment
 from openprc.schema.findings import Finding
@@ -30,6 +31,7 @@ def run_experiment(
     out: str | Path | None = None,
     *,
     producer: str = "demlat",
+    integrator: str | None = None,
     seed: int | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -45,6 +47,8 @@ def run_experiment(
         ``FOLDER/output/simulation.h5`` by default.
     producer : str
         Who simulates.
+    integrator : str, optional
+        Instead of the one in config.json, in which older folders name none.
     seed : int, optional
         For producers that draw random numbers.
     overwrite : bool
@@ -66,7 +70,7 @@ def run_experiment(
     registry = registry or default_registry()
     item = registry.producer(producer)
     runner = registry.load(item, capability="run")
-    experiment = load_experiment(folder)
+    experiment = _loaded(folder, integrator)
     home = experiment.path or folder  # `folder` may be the input folder itself
     target = Path(out) if out is not None else home / "output" / "simulation.h5"
     provenance = Provenance(
@@ -95,6 +99,43 @@ def run_experiment(
         target, item, confidence=1.0, notes=notes, findings=findings,
         seconds=time.perf_counter() - started,
     )  # fmt: skip
+
+
+def plan_experiment(
+    folder: str | Path,
+    *,
+    producer: str = "demlat",
+    integrator: str | None = None,
+    registry: Registry | None = None,
+) -> RunPlan:
+    """Return what a run of the experiment in `folder` would do; nothing is run or written.
+
+    Parameters are those of `run_experiment`.
+
+    Raises
+    ------
+    ConfigError
+        When the experiment is wrong.
+    UnsupportedScene
+        When the producer makes no plans.
+    """
+    registry = registry or default_registry()
+    item = registry.producer(producer)
+    runner = registry.load(item, capability="run")
+    if not isinstance(runner, Planner):
+        raise UnsupportedScene(
+            f"the producer {producer!r} makes no plans",
+            expected="a producer with a method plan(experiment)",
+            fix="run it, or plan with --producer demlat",
+        )
+    experiment = _loaded(folder, integrator)
+    with owned_by(item.qualified_name, "planning", file=str(folder)):
+        return runner.plan(experiment)
+
+
+def _loaded(folder: str | Path, integrator: str | None) -> Experiment:
+    experiment = load_experiment(folder)
+    return experiment if integrator is None else replace(experiment, integrator=integrator)
 
 
 def simulate(

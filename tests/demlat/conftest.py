@@ -1,10 +1,12 @@
 """Small bodies, and the engine run on them in memory."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from openprc.cli.main import main
 from openprc.demlat import BarHingeModel
 from openprc.schema.experiment import Actuator, Experiment, Signal, save_experiment
 from openprc.schema.geometry import Bars, Geometry, Hinges
@@ -152,6 +154,21 @@ def drive():
         return signal, actuator
 
     return make
+
+
+@pytest.fixture
+def command(capsys, monkeypatch):
+    """Call the command line with words; returns (exit code, output, errors)."""
+    # It replaces this for good, as a program may.
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+
+    def call(*words):
+        with pytest.raises(SystemExit) as stopped:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return stopped.value.code or 0, printed.out, printed.err
+
+    return call
 
 
 @pytest.fixture

@@ -91,3 +91,42 @@ def scene_with_printed_damping(**settings):
     )
     settings = {"duration": 0.02, "dt": 0.002, "save_interval": 0.01} | settings
     return Experiment(geometry=geometry, bar_damping="printed", **settings)
+
+
+def scene_of_linear_laws(**settings):
+    """A hinge, bars and every kind of drive, with the laws that all small scenes are made of."""
+    rng = np.random.default_rng(5)
+    x = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0.2], [0.4, -1, 0.3], [1.5, 1, 0.5]], float)
+    pairs = np.array([[0, 1], [0, 2], [1, 2], [0, 3], [1, 3], [2, 4], [1, 4]])
+    lengths = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
+    geometry = Geometry(
+        positions=x,
+        masses=rng.uniform(1, 3, 5),
+        fixed=[True, False, False, False, False],
+        bars=Bars(
+            indices=pairs,
+            stiffness=rng.uniform(20, 40, 7),
+            rest_length=lengths * rng.uniform(0.95, 1.05, 7),
+            damping=rng.uniform(0.1, 1, 7),
+        ),
+        hinges=Hinges(indices=[[0, 1, 2, 3]], stiffness=[2.0], rest_angle=[2.5], damping=[0.1]),
+    )
+    signals = [
+        Signal(name="move", values=[0.0, 0.1, 0.1, -0.1], dt=0.02, interpolation="hold"),
+        Signal(name="speed", values=rng.normal(size=(6, 3)), dt=0.02, interpolation="cubic"),
+        Signal(name="push", values=10 * rng.normal(size=(6, 3)), dt=0.025, interpolation="cubic"),
+    ]
+    actuators = (
+        Actuator(node=1, signal="move", axes=(False, True, False)),
+        Actuator(node=2, signal="speed", type="velocity", axes=(True, False, False)),
+        Actuator(node=4, signal="push", type="force"),
+    )
+    settings = {"duration": 0.1, "dt": 0.005, "save_interval": 0.02} | settings
+    return Experiment(
+        geometry=geometry,
+        signals={signal.name: signal for signal in signals},
+        actuators=actuators,
+        gravity=(0.0, 0.0, -9.81),
+        damping=0.3,
+        **settings,
+    )

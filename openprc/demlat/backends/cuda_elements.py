@@ -12,7 +12,7 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any, NamedTuple
 
-from numba import cuda  # noqa: TID253 - what this file is for
+from numba import cuda
 
 from openprc.demlat.models.barhinge import laws
 from openprc.demlat.signal_table import SAMPLE_SLACK
@@ -311,9 +311,11 @@ def signal_at(drives: Drives, column: int, t: float, t_from: float, t_to: float)
     As `openprc.demlat.models.barhinge.drive_kernels.value_and_rate`.
     """
     dt = drives.signal_dt[column]
-    segment = int(math.floor(t / dt))
-    segment = max(segment, int(math.floor(t_from / dt + SAMPLE_SLACK)))
-    segment = min(segment, max(int(math.ceil(t_to / dt - SAMPLE_SLACK)) - 1, 0))
+    # Rounding down gives a real number on the device.
+    segment = int(math.floor(t / dt))  # noqa: RUF046
+    begins = int(math.floor(t_from / dt + SAMPLE_SLACK))  # noqa: RUF046
+    ends = int(math.ceil(t_to / dt - SAMPLE_SLACK)) - 1  # noqa: RUF046
+    segment = min(max(segment, begins), max(ends, 0))
     segment = min(max(segment, 0), drives.signal_rows[1, column] - 1)
     s = t / dt - segment
     row = drives.signal_rows[0, column] + segment

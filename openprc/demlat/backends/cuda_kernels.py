@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import cuda  # noqa: TID253 - what this file is for
+from numba import cuda
 
 from openprc.demlat.backends.cuda_elements import (
     DAMPING,
@@ -240,7 +240,7 @@ def advance_node(
 
 
 @cuda.jit
-def push_elements(elements, nodes, stage, h):  # noqa: ANN001, ANN201
+def push_elements(elements, nodes, stage, h):
     """First pass of a stage: one thread an element."""
     e = cuda.grid(1)
     if e < elements.losses.shape[0]:
@@ -248,7 +248,7 @@ def push_elements(elements, nodes, stage, h):  # noqa: ANN001, ANN201
 
 
 @cuda.jit
-def advance_nodes(elements, nodes, drives, step, stage, h, hold):  # noqa: ANN001, ANN201
+def advance_nodes(elements, nodes, drives, step, stage, h, hold):
     """Second pass of a stage: one thread a node."""
     n = cuda.grid(1)
     if n < nodes.motion.shape[1]:
@@ -256,7 +256,7 @@ def advance_nodes(elements, nodes, drives, step, stage, h, hold):  # noqa: ANN00
 
 
 @cuda.jit
-def march(elements, nodes, drives, step, count, h, hold):  # noqa: ANN001, ANN201
+def march(elements, nodes, drives, step, count, h, hold):
     """Take `count` steps of a small body in one block of threads, without further launches."""
     first, width = cuda.threadIdx.x, cuda.blockDim.x
     for number in range(step, step + count):
@@ -271,7 +271,7 @@ def march(elements, nodes, drives, step, count, h, hold):  # noqa: ANN001, ANN20
 
 
 @cuda.jit
-def place(nodes, drives, t, t_to):  # noqa: ANN001, ANN201
+def place(nodes, drives, t, t_to):
     """Put driven coordinates where the segments that begin at `t` say."""
     n = cuda.grid(1)
     if n < nodes.motion.shape[1]:
@@ -282,7 +282,7 @@ def place(nodes, drives, t, t_to):  # noqa: ANN001, ANN201
 
 
 @cuda.jit
-def add_forces(elements, nodes, drives, t, t_to, force):  # noqa: ANN001, ANN201
+def add_forces(elements, nodes, drives, t, t_to, force):
     """Write all forces on every coordinate to `force` (3, N), after `push_elements`."""
     n = cuda.grid(1)
     if n < nodes.motion.shape[1]:
@@ -295,7 +295,7 @@ def add_forces(elements, nodes, drives, t, t_to, force):  # noqa: ANN001, ANN201
 
 
 @cuda.jit
-def observe(elements, nodes, frames, row):  # noqa: ANN001, ANN201
+def observe(elements, nodes, frames, row):
     """Write a frame to row `row`, and energies for `add_up`; one thread an element or node."""
     at = cuda.grid(1)
     motion = nodes.motion
@@ -337,7 +337,7 @@ def share(values: Any, begin: int, end: int, thread: int, width: int) -> float:
 
 
 @cuda.jit
-def add_up(elements, nodes, frames, partial):  # noqa: ANN001, ANN201
+def add_up(elements, nodes, frames, partial):
     """First pass of the sums over the body: (8, threads) shares."""
     thread, width = cuda.grid(1), partial.shape[1]
     if thread < width:
@@ -354,7 +354,7 @@ def add_up(elements, nodes, frames, partial):  # noqa: ANN001, ANN201
 
 
 @cuda.jit
-def finish_sums(partial, sums, row):  # noqa: ANN001, ANN201
+def finish_sums(partial, sums, row):
     """Second pass: a row of `sums` (rows, 8)."""
     kind = cuda.grid(1)
     if kind < partial.shape[0]:
@@ -362,7 +362,7 @@ def finish_sums(partial, sums, row):  # noqa: ANN001, ANN201
 
 
 @cuda.jit
-def find_escaped(nodes, limit, escaped, look):  # noqa: ANN001, ANN201
+def find_escaped(nodes, limit, escaped, look):
     """Write the first coordinate (axis first) that is not below `limit` to ``escaped[look]``."""
     n = cuda.grid(1)
     n_nodes = nodes.motion.shape[1]

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import cuda  # noqa: TID253 - what this file is for
+from numba import cuda
 
 from openprc.demlat.backends import cuda_kernels as kernels
 from openprc.demlat.backends.cuda_tables import DeviceScene, device_frames
-from openprc.demlat.backends.frames import diverged, frame_block, plausible_size
+from openprc.demlat.backends.frames import diverged, frame_block, head, plausible_size
 from openprc.demlat.backends.held_signals import HeldSignals
 from openprc.demlat.models.barhinge.assembly import assemble
 
@@ -99,18 +99,20 @@ class CudaRun:
         self._collect(frames, sums, [0.0], out)
         self.driven_at_start = float(out.ledger[0, 0])
         out.ledger[0, 0] = 0.0
-        yield 0, _head(out, 1)
+        yield 0, head(out, 1)
         frame, n_frames = 0, self.experiment.n_frames
         while frame < n_frames - 1:
             count = min(len(out.x), n_frames - 1 - frame)
             done, escaped = self._advance(frame, count, frames, sums, out)
             if done:
-                yield frame + 1, _head(out, done)
+                yield frame + 1, head(out, done)
             if escaped is not None:
                 coordinate, step = escaped
                 axis, node = divmod(coordinate, geometry.n_nodes)
                 time = step * self.h * self.assembly.scaler.time
-                raise diverged(self.experiment, node=node, axis=axis, time=time)
+                x = self.scene.nodes.motion.copy_to_host()[kernels.X : kernels.X + 3].T
+                x = x * self.assembly.scaler.length
+                raise diverged(self.experiment, x, node=node, axis=axis, time=time)
             frame += done
 
     def begin(self) -> None:
@@ -236,10 +238,6 @@ class CudaRun:
         if count:
             threads = min(THREADS, count)
             kernel[-(-count // threads), threads](*arguments)
-
-
-def _head(out: FrameBuffer, count: int) -> FrameBuffer:
-    return type(out)(*(column[:count] for column in out))
 
 
 def cuda_blocks(experiment: Experiment) -> Iterator[tuple[int, FrameBuffer]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import cuda  # noqa: TID253 - what this file is for
+from numba import cuda
 
 from openprc.demlat.backends.cuda_elements import (
     CABLE,

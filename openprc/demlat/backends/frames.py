@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, scene_size
 from openprc.demlat.models.barhinge.tables import FrameBuffer
-from openprc.demlat.stability import stable_step
+from openprc.demlat.stability import step_limit
 from openprc.errors import Diverged
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from openprc.schema.experiment import Experiment
 
 #: Saved frames are handed on when about this much has gathered, or after that many frames.
@@ -31,18 +35,36 @@ def frame_block(experiment: Experiment) -> FrameBuffer:
     )
 
 
+def head(out: FrameBuffer, count: int) -> FrameBuffer:
+    """Return the first `count` frames of a buffer."""
+    return type(out)(*(column[:count] for column in out))
+
+
 def plausible_size(experiment: Experiment) -> float:
     """Return the size [m] beyond which a coordinate is no result but a blow-up."""
     return ESCAPE_FACTOR * scene_size(experiment)
 
 
-def diverged(experiment: Experiment, *, node: int, axis: int, time: float) -> Diverged:
-    """Return the error of a run in which a coordinate left the plausible range by `time` [s]."""
+def diverged(
+    experiment: Experiment, positions: NDArray[np.float64], *, node: int, axis: int, time: float
+) -> Diverged:
+    """Return the error of a run in which a coordinate left the plausible range.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    positions : (N, 3) [m]
+        When the run was stopped.
+    node, axis : int
+        Of the coordinate.
+    time : float [s]
+        By which it had done so.
+    """
     return Diverged(
         f"node {node} left the range of plausible positions along {'xyz'[axis]}"
-        f" by t = {time:.6g} s",
+        f" by t = {time:.6g} s{strained_most(experiment, positions, node)}",
         expected=f"coordinates below {plausible_size(experiment):.3g} m",
-        fix=f"use a smaller dt: it is {experiment.dt:g} s, and the stability limit estimated at"
-        f" rest is {stable_step(experiment):.3g} s; frames up to then are in the partial file",
+        fix=f"{way_out(step_limit(experiment), experiment.dt)}; frames up to then are in the"
+        " partial file",
         key="simulation.dt",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,15 @@ def chosen_by_type(symbol: Callable[..., Any]) -> Callable[..., Any]:
     def register(choose: Callable[..., Any]) -> Callable[..., Any]:
         # numba wants the same signature from chooser and chosen, annotations included.
         choose.__annotations__ = {}
-        overload(symbol, jit_options=_INNER)(choose)
+
+        @wraps(choose)
+        def bare(*kinds: Any, **more: Any) -> Any:
+            chosen = choose(*kinds, **more)
+            if chosen is not None:
+                chosen.__annotations__ = {}
+            return chosen
+
+        overload(symbol, jit_options=_INNER)(bare)
         return choose
 
     return register

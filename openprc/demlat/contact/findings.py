@@ -145,7 +145,7 @@ def _overlaps(experiment: Experiment, radius: float) -> Iterator[str]:
 
 def overlapping_pairs(experiment: Experiment, radius: float) -> NDArray[np.int64]:
     """Return collidable nodes without a common bar that overlap at t = 0: (P, 2) [node]."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415, TID253 - only scenes with contact need it
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - only scenes with contact need it
 
     geometry = experiment.geometry
     nodes = np.flatnonzero(geometry.collidable)
@@ -161,7 +161,7 @@ def overlapping_pairs(experiment: Experiment, radius: float) -> NDArray[np.int64
 
 def overlapping_facings(experiment: Experiment, radius: float) -> NDArray[np.int64]:
     """Return collidable nodes and faces that overlap at t = 0: (P, 2) [node, face]."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415, TID253 - only scenes with contact need it
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - only scenes with contact need it
 
     geometry = experiment.geometry
     nodes = np.flatnonzero(geometry.collidable)

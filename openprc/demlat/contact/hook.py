@@ -13,8 +13,8 @@ from openprc.demlat.contact.response import (
     let_rest,
     open_records,
 )
-from openprc.demlat.contact.search import MARGIN, gather, keep_lists, largest_move
-from openprc.demlat.contact.table import NEAR
+from openprc.demlat.contact.search import MARGIN, copy_to, gather, keep_lists, largest_move
+from openprc.demlat.contact.table import Layout, Motion
 
 #: In place of a coordinate that left the plausible range: a list was too short. What was done
 #: since the state was last saved is to be repeated with more room.
@@ -31,8 +31,8 @@ def _remember(contacts, state):
         return lambda contacts, state: None
 
     def keep(contacts, state):
-        contacts[0].start[:] = state.x
-        contacts[0].acceleration[:] = state.v
+        copy_to(contacts[0].start, state.x)
+        copy_to(contacts[0].acceleration, state.v)
 
     return keep
 
@@ -40,21 +40,32 @@ def _remember(contacts, state):
 @jit
 def respond(table: Any, body: Any, state: Any, h: float) -> int:
     """Let bodies touch; return 1 if the state changed, 0 if not, `OVERFULL` without room."""
-    acceleration = table.acceleration
+    acceleration, lists, touch = table.acceleration, table.lists, table.touch
     for at in range(acceleration.size):
         acceleration[at] = (state.v[at] - acceleration[at]) / h
-    margin = MARGIN * largest_move(table, body, state.x, table.start)
-    if not keep_lists(table, body, state.x, margin):
+    layout = Layout(body.space, body.stride)
+    margin = MARGIN * largest_move(lists, layout, state.x, table.start)
+    if not keep_lists(lists, layout, state.x, margin):
         return OVERFULL
-    if not gather(table, body, state.x, margin):
+    if not gather(lists, touch, layout, state.x, margin):
         return OVERFULL
-    if table.status[NEAR] == 0:
+    if touch.count[0] == 0:
         return 0
-    open_records(table, body, state, h)
-    changed = let_bounce(table, body, state)
-    changed |= let_rest(table, body, state)
-    changed |= let_part(table, body, state)
-    forget_chains(table)
+    motion = Motion(
+        body.space,
+        body.stride,
+        state.x,
+        state.v,
+        body.inverse_mass,
+        table.start,
+        acceleration,
+        state.ledger,
+    )
+    open_records(touch, motion, h)
+    changed = let_bounce(touch, motion)
+    changed |= let_rest(touch, motion)
+    changed |= let_part(touch, motion)
+    forget_chains(touch)
     return int(changed)
 
 

@@ -36,8 +36,9 @@ from openprc.demlat.contact.table import (
     CROSSED,
     FRICTION,
     LEVER,
-    NEAR,
+    NEXT,
     NORMAL,
+    ORDER,
     SIDE,
     SLOP,
 )
@@ -58,23 +59,24 @@ ROUNDING = 1e-12
 CONVERGED = 1e-11
 #: Gaps below this share of the distance of contact are closed.
 CLOSED = 1e-13
+ONES = (1.0, 1.0, 1.0)
 
 
 @jit
-def _roles(table: Any, contact: int, shares: Any) -> Any:
+def _roles(touch: Any, contact: int, shares: Any) -> Any:
     """Return the four nodes of a contact and how much of the push each one gets."""
-    return members(table, contact), (1.0, -shares[0], -shares[1], -shares[2])
+    return members(touch, contact), (1.0, -shares[0], -shares[1], -shares[2])
 
 
 @jit
-def approach(table: Any, body: Any, v: Any, roles: Any, s: float) -> Any:
+def approach(motion: Any, roles: Any, s: float) -> Any:
     """Return the velocity of the node relative to what it touches, `s` before the end."""
     nodes, parts = roles
     x, y, z = 0.0, 0.0, 0.0
     for k in range(4):
         if parts[k] != 0.0:
-            u = where(body, v, nodes[k])
-            a = where(body, table.acceleration, nodes[k])
+            u = where(motion, motion.v, nodes[k])
+            a = where(motion, motion.acceleration, nodes[k])
             x += parts[k] * (u[0] - s * a[0])
             y += parts[k] * (u[1] - s * a[1])
             z += parts[k] * (u[2] - s * a[2])
@@ -82,45 +84,45 @@ def approach(table: Any, body: Any, v: Any, roles: Any, s: float) -> Any:
 
 
 @jit
-def mobility(body: Any, roles: Any, direction: Any) -> float:
+def mobility(motion: Any, roles: Any, direction: Any) -> float:
     """Return the relative velocity along `direction` that a push of 1 along it gives [1/kg]."""
     nodes, parts = roles
     total = 0.0
     for k in range(4):
         if parts[k] != 0.0:
-            w = where(body, body.inverse_mass, nodes[k])
+            w = where(motion, motion.inverse_mass, nodes[k])
             square = w[0] * direction[0] ** 2 + w[1] * direction[1] ** 2 + w[2] * direction[2] ** 2
             total += parts[k] * parts[k] * square
     return total
 
 
 @jit
-def push(table: Any, body: Any, state: Any, roles: Any, impulse: Any, s: float) -> None:
+def push(motion: Any, roles: Any, impulse: Any, s: float) -> None:
     """Let `impulse` act on the node, and its reaction, at `s` before the end; book it."""
     nodes, parts = roles
     lost, work = 0.0, 0.0
     for k in range(4):
         if parts[k] == 0.0:
             continue
-        for axis in range(len(body.space)):
-            at = axis * body.stride + nodes[k]
+        for axis in range(len(motion.space)):
+            at = axis * motion.stride + nodes[k]
             share = parts[k] * impulse[axis]
-            speed = state.v[at] - s * table.acceleration[at]
-            w = body.inverse_mass[at]
+            speed = motion.v[at] - s * motion.acceleration[at]
+            w = motion.inverse_mass[at]
             lost -= share * (speed + 0.5 * share * w)
             if w == 0.0:
                 work -= share * speed
             else:
-                state.v[at] += w * share
-                state.x[at] += s * w * share
-    state.ledger[CONTACT * LEDGER_STRIDE] += lost
-    state.ledger[WORK_IN * LEDGER_STRIDE] += work
+                motion.v[at] += w * share
+                motion.x[at] += s * w * share
+    motion.ledger[CONTACT * LEDGER_STRIDE] += lost
+    motion.ledger[WORK_IN * LEDGER_STRIDE] += work
 
 
 @jit
-def _holds(table: Any, contact: int, shares: Any, node: int) -> bool:
+def _holds(touch: Any, contact: int, shares: Any, node: int) -> bool:
     """Say whether the nearest point of a contact with a face involves the corner `node`."""
-    _, a, b, c = members(table, contact)
+    _, a, b, c = members(touch, contact)
     if a == node:
         return shares[0] > 0.0
     if b == node:
@@ -134,30 +136,30 @@ def _corners(shares: Any) -> int:
 
 
 @jit
-def is_seam(table: Any, body: Any, state: Any, contact: int, shares: Any, s: float) -> bool:
+def is_seam(touch: Any, motion: Any, contact: int, shares: Any, s: float) -> bool:
     """Say whether a node at an edge touches a face beyond that edge instead.
 
     Sliding over flat faces it would stumble over the edges between them.
     """
-    if table.near[contact, 1] >= 0:
+    if touch.near[contact, 1] >= 0:
         return False
-    _, a, b, c = members(table, contact)
+    _, a, b, c = members(touch, contact)
     corners = _corners(shares)
-    other = table.first_of[table.near[contact, 0]]
+    other = touch.first_of[touch.near[contact, 0]]
     while other >= 0:
-        if other != contact and table.near[other, 1] < 0:
-            gap, _, theirs, inside = measure(table, body, state.x, state.v, other, s)
-            if gap < table.distance and (inside or _corners(theirs) > corners):
+        if other != contact and touch.near[other, 1] < 0:
+            gap, _, theirs, inside = measure(touch, motion, motion.x, other, s)
+            if gap < touch.distance and (inside or _corners(theirs) > corners):
                 missing = 0
-                if shares[0] > 0.0 and not _holds(table, other, theirs, a):
+                if shares[0] > 0.0 and not _holds(touch, other, theirs, a):
                     missing += 1
-                if shares[1] > 0.0 and not _holds(table, other, theirs, b):
+                if shares[1] > 0.0 and not _holds(touch, other, theirs, b):
                     missing += 1
-                if shares[2] > 0.0 and not _holds(table, other, theirs, c):
+                if shares[2] > 0.0 and not _holds(touch, other, theirs, c):
                     missing += 1
                 if missing == 0:
                     return True
-        other = table.next_of[other]
+        other = touch.near[other, NEXT]
     return False
 
 
@@ -165,38 +167,38 @@ def is_seam(table: Any, body: Any, state: Any, contact: int, shares: Any, s: flo
 
 
 @jit
-def open_records(table: Any, body: Any, state: Any, h: float) -> None:
+def open_records(touch: Any, motion: Any, h: float) -> None:
     """Say of every contact how the step began for it, and chain the contacts of a node."""
-    record, near = table.record, table.near
-    for c in range(table.status[NEAR]):
-        table.next_of[c] = table.first_of[near[c, 0]]
-        table.first_of[near[c, 0]] = c
-        for node in members(table, c):
-            table.since[node] = h
+    record, near = touch.record, touch.near
+    for c in range(touch.count[0]):
+        near[c, NEXT] = touch.first_of[near[c, 0]]
+        touch.first_of[near[c, 0]] = c
+        for node in members(touch, c):
+            touch.since[node] = h
         record[c, :] = 0.0
         if near[c, 1] >= 0:
-            record[c, CROSSED] = _closest_approach(table, body, state, c, h)
+            record[c, CROSSED] = _closest_approach(touch, motion, c, h)
         else:
-            _choose_side(table, body, state, c, h)
+            _choose_side(touch, motion, c, h)
         # Positions of the start stand for themselves: s = 0 leaves them as they are.
-        gap, _, _, _ = measure(table, body, table.start, state.v, c, 0.0)
-        if gap < -SLOP * table.distance:
+        gap, _, _, _ = measure(touch, motion, motion.start, c, 0.0)
+        if gap < -SLOP * touch.distance:
             record[c, ALLOWED] = gap
 
 
 @jit
-def forget_chains(table: Any) -> None:
+def forget_chains(touch: Any) -> None:
     """Take the chains of nodes apart."""
-    for c in range(table.status[NEAR]):
-        table.first_of[table.near[c, 0]] = -1
+    for c in range(touch.count[0]):
+        touch.first_of[touch.near[c, 0]] = -1
 
 
 @jit
-def _closest_approach(table: Any, body: Any, state: Any, contact: int, h: float) -> float:
+def _closest_approach(touch: Any, motion: Any, contact: int, h: float) -> float:
     """Return how long before the end two nodes were closest on straight lines."""
-    i, j, _, _ = members(table, contact)
-    apart = minus(where(body, state.x, i), where(body, state.x, j))
-    before = minus(where(body, table.start, i), where(body, table.start, j))
+    i, j, _, _ = members(touch, contact)
+    apart = minus(where(motion, motion.x, i), where(motion, motion.x, j))
+    before = minus(where(motion, motion.start, i), where(motion, motion.start, j))
     way = minus(apart, before)
     square = dot(way, way)
     if square == 0.0:
@@ -205,52 +207,52 @@ def _closest_approach(table: Any, body: Any, state: Any, contact: int, h: float)
 
 
 @jit
-def _choose_side(table: Any, body: Any, state: Any, contact: int, h: float) -> None:
+def _choose_side(touch: Any, motion: Any, contact: int, h: float) -> None:
     """Set the side of the face that the node is on, and when it went through."""
-    record = table.record
-    below = signed_height(table, body, table.start, contact)
-    now = signed_height(table, body, state.x, contact)
+    record = touch.record
+    below = signed_height(touch, motion, motion.start, contact)
+    now = signed_height(touch, motion, motion.x, contact)
     record[contact, SIDE] = 1.0 if now >= 0.0 else -1.0
     if below * now < 0.0:
         s = h * abs(now) / (abs(below) + abs(now))
-        _, _, _, inside = measure(table, body, state.x, state.v, contact, s)
+        _, _, _, inside = measure(touch, motion, motion.x, contact, s)
         if inside:
             record[contact, SIDE] = 1.0 if below > 0.0 else -1.0
             record[contact, CROSSED] = s
 
 
 @jit
-def _room(table: Any, body: Any, state: Any, contact: int, s: float) -> float:
+def _room(touch: Any, motion: Any, contact: int, s: float) -> float:
     """Return the gap at `s` before the end over the one that is let be."""
-    gap, _, _, _ = measure(table, body, state.x, state.v, contact, s)
-    return gap - table.record[contact, ALLOWED]
+    gap, _, _, _ = measure(touch, motion, motion.x, contact, s)
+    return gap - touch.record[contact, ALLOWED]
 
 
 @jit
-def time_of_impact(table: Any, body: Any, state: Any, contact: int, hi: float) -> float:
+def time_of_impact(touch: Any, motion: Any, contact: int, hi: float) -> float:
     """Return how long before the end bodies met that had room at `hi`; -1 if they did not.
 
     A bracket is narrowed by false position (the Illinois rule: Dowell & Jarratt 1971,
     doi:10.1007/BF01934364), and halved where that is slow.
     """
-    lo, room_lo = 0.0, _room(table, body, state, contact, 0.0)
+    lo, room_lo = 0.0, _room(touch, motion, contact, 0.0)
     if room_lo >= 0.0:
-        lo = table.record[contact, CROSSED]
+        lo = touch.record[contact, CROSSED]
         if lo == 0.0 or lo >= hi:
             return -1.0
-        room_lo = _room(table, body, state, contact, lo)
+        room_lo = _room(touch, motion, contact, lo)
         if room_lo >= 0.0:
             return -1.0
-    room_hi = _room(table, body, state, contact, hi)
-    if room_hi <= CLOSED * table.distance:
+    room_hi = _room(touch, motion, contact, hi)
+    if room_hi <= CLOSED * touch.distance:
         return hi
     last = 0
     for turn in range(80):
         s = hi - room_hi * (hi - lo) / (room_hi - room_lo)
         if turn % 8 == 7 or not lo < s < hi:
             s = 0.5 * (lo + hi)
-        room = _room(table, body, state, contact, s)
-        if abs(room) <= CLOSED * table.distance or hi - lo <= 1e-15 * hi:
+        room = _room(touch, motion, contact, s)
+        if abs(room) <= CLOSED * touch.distance or hi - lo <= 1e-15 * hi:
             return s
         if room < 0.0:
             lo, room_lo = s, room
@@ -269,119 +271,108 @@ def time_of_impact(table: Any, body: Any, state: Any, contact: int, hi: float) -
 
 
 @jit
-def _latest(table: Any, contact: int) -> float:
-    a, b, c, d = members(table, contact)
-    since = table.since
+def _latest(touch: Any, contact: int) -> float:
+    a, b, c, d = members(touch, contact)
+    since = touch.since
     return min(min(since[a], since[b]), min(since[c], since[d]))
 
 
 @jit
-def _bounce(
-    table: Any, body: Any, state: Any, roles: Any, normal: Any, restitution: float, s: float
-) -> Any:
+def _bounce(touch: Any, motion: Any, roles: Any, normal: Any, restitution: float, s: float) -> Any:
     """Return the impulse of an impact, friction included."""
-    u = approach(table, body, state.v, roles, s)
+    u = approach(motion, roles, s)
     speed = dot(u, normal)
-    size = -(1.0 + restitution) * speed / mobility(body, roles, normal)
+    size = -(1.0 + restitution) * speed / mobility(motion, roles, normal)
     impulse = times(normal, size)
-    if table.friction > 0.0:
+    if touch.friction > 0.0:
         slip = minus(u, times(normal, speed))
         fast = math.sqrt(dot(slip, slip))
         if fast > ROUNDING * abs(speed):
             along = times(slip, 1.0 / fast)
-            ease = mobility(body, roles, along)
+            ease = mobility(motion, roles, along)
             if ease > 0.0:
-                rub = min(table.friction * size, fast / ease)
+                rub = min(touch.friction * size, fast / ease)
                 impulse = minus(impulse, times(along, rub))
     return impulse
 
 
 @jit
-def strike(table: Any, body: Any, state: Any, contact: int) -> bool:
+def strike(touch: Any, motion: Any, contact: int) -> bool:
     """Let two bodies bounce if they met during the step; say whether they did."""
-    latest = _latest(table, contact)
-    s = time_of_impact(table, body, state, contact, latest)
+    latest = _latest(touch, contact)
+    s = time_of_impact(touch, motion, contact, latest)
     if s < 0.0:
         return False
-    gap, normal, shares, inside = measure(table, body, state.x, state.v, contact, s)
-    roles = _roles(table, contact, shares)
-    if mobility(body, roles, normal) <= 0.0:
+    gap, normal, shares, inside = measure(touch, motion, motion.x, contact, s)
+    roles = _roles(touch, contact, shares)
+    if mobility(motion, roles, normal) <= 0.0:
         return False
-    u = approach(table, body, state.v, roles, s)
-    end = approach(table, body, state.v, roles, 0.0)
+    u = approach(motion, roles, s)
+    end = approach(motion, roles, 0.0)
     speed = dot(u, normal)
     if speed >= -ROUNDING * (abs(dot(end, normal)) + math.sqrt(dot(u, u))):
         return False
-    if not inside and is_seam(table, body, state, contact, shares, s):
+    if not inside and is_seam(touch, motion, contact, shares, s):
         return False
-    impulse = _bounce(table, body, state, roles, normal, table.restitution, s)
-    push(table, body, state, roles, impulse, s)
-    if table.restitution > 0.0:
-        after, _, _, _ = measure(table, body, state.x, state.v, contact, 0.0)
-        if after < min(gap, table.record[contact, ALLOWED]) - CLOSED * table.distance:
-            # It falls back within the step.
-            push(table, body, state, roles, times(impulse, -1.0), s)
-            push(table, body, state, roles, _bounce(table, body, state, roles, normal, 0.0, s), s)
-    table.record[contact, CROSSED] = 0.0
+    restitution, most = touch.restitution, min(gap, touch.record[contact, ALLOWED])
+    for _ in range(2):
+        impulse = _bounce(touch, motion, roles, normal, restitution, s)
+        push(motion, roles, impulse, s)
+        after, _, _, _ = measure(touch, motion, motion.x, contact, 0.0)
+        if restitution == 0.0 or after >= most - CLOSED * touch.distance:
+            break
+        # It falls back within the step: as if nothing had been, but without rebound.
+        push(motion, roles, times(impulse, -1.0), s)
+        restitution = 0.0
+    touch.record[contact, CROSSED] = 0.0
     for k in range(4):
-        if roles[1][k] != 0.0 and table.mobile[roles[0][k]]:
-            table.since[roles[0][k]] = s
+        if roles[1][k] != 0.0 and dot(where(motion, motion.inverse_mass, roles[0][k]), ONES) > 0.0:
+            touch.since[roles[0][k]] = s
     return True
 
 
 @jit
-def _sift(order: Any, key: Any, begin: int, end: int) -> None:
-    """Let an entry of a heap of contacts sink; the earliest impact is wanted last."""
-    root = begin
-    while 2 * root + 1 < end:
-        child = 2 * root + 1
-        if child + 1 < end and _before(order[child + 1], order[child], key):
-            child += 1
-        if not _before(order[child], order[root], key):
-            return
-        order[root], order[child] = order[child], order[root]
-        root = child
+def sort_by_time(touch: Any, motion: Any) -> int:
+    """Put contacts in which bodies met into `ORDER`, the earliest first; return how many.
 
-
-@jit
-def _before(one: int, other: int, key: Any) -> bool:
-    """Say whether a contact is to be dealt with after another (a heap puts it first)."""
-    first, second = key[one, LEVER], key[other, LEVER]
-    return first < second or (first == second and one > other)
-
-
-@jit
-def sort_by_time(table: Any, body: Any, state: Any) -> int:
-    """Put contacts in which bodies met into `order`, the earliest first; return how many."""
-    count = 0
-    for c in range(table.status[NEAR]):
-        s = time_of_impact(table, body, state, c, _latest(table, c))
+    Sorting is Shell's: without further memory, and quick when little is out of order.
+    """
+    near, record, count = touch.near, touch.record, 0
+    for c in range(touch.count[0]):
+        s = time_of_impact(touch, motion, c, _latest(touch, c))
         if s >= 0.0:
-            table.record[c, LEVER] = s
-            table.order[count] = c
+            record[c, LEVER] = s
+            near[count, ORDER] = c
             count += 1
-    for begin in range(count // 2 - 1, -1, -1):
-        _sift(table.order, table.record, begin, count)
-    for end in range(count - 1, 0, -1):
-        table.order[0], table.order[end] = table.order[end], table.order[0]
-        _sift(table.order, table.record, 0, end)
+    gap = 1
+    while 3 * gap < count:
+        gap = 3 * gap + 1
+    while gap >= 1:
+        for at in range(gap, count):
+            chosen = near[at, ORDER]
+            s = record[chosen, LEVER]
+            while at >= gap and record[near[at - gap, ORDER], LEVER] < s:
+                near[at, ORDER] = near[at - gap, ORDER]
+                at -= gap
+            near[at, ORDER] = chosen
+        gap //= 3
     return count
 
 
 @jit
-def let_bounce(table: Any, body: Any, state: Any) -> bool:
+def let_bounce(touch: Any, motion: Any) -> bool:
     """Deal with the impacts of a step; say whether there was one."""
-    count = sort_by_time(table, body, state)
+    count = sort_by_time(touch, motion)
     if count == 0:
         return False
     any_at_all = False
     for place in range(count):
-        any_at_all |= strike(table, body, state, table.order[place])
-    n = table.status[NEAR]
-    for sweep in range(table.iterations):
+        any_at_all |= strike(touch, motion, touch.near[place, ORDER])
+    n = touch.count[0]
+    for sweep in range(touch.iterations):
         struck = False
         for place in range(n):
-            struck |= strike(table, body, state, place if sweep % 2 == 0 else n - 1 - place)
+            struck |= strike(touch, motion, place if sweep % 2 == 0 else n - 1 - place)
         if not struck:
             break
     return any_at_all
@@ -391,64 +382,64 @@ def let_bounce(table: Any, body: Any, state: Any) -> bool:
 
 
 @jit
-def press(table: Any, body: Any, state: Any, contact: int) -> float:
+def press(touch: Any, motion: Any, contact: int) -> float:
     """Take out what is left of the approach; return by how much the normal speed changed."""
-    record = table.record
-    gap, normal, shares, inside = measure(table, body, state.x, state.v, contact, 0.0)
+    record = touch.record
+    gap, normal, shares, inside = measure(touch, motion, motion.x, contact, 0.0)
     room, pressing = gap - record[contact, ALLOWED], record[contact, NORMAL]
     if room >= 0.0 and pressing == 0.0:
         return 0.0
-    roles = _roles(table, contact, shares)
-    ease = mobility(body, roles, normal)
-    if ease <= 0.0 or (not inside and is_seam(table, body, state, contact, shares, 0.0)):
+    roles = _roles(touch, contact, shares)
+    ease = mobility(motion, roles, normal)
+    if ease <= 0.0 or (not inside and is_seam(touch, motion, contact, shares, 0.0)):
         return 0.0
-    speed = dot(approach(table, body, state.v, roles, 0.0), normal)
+    speed = dot(approach(motion, roles, 0.0), normal)
     if pressing == 0.0:
         if speed >= 0.0:
             return 0.0
-        record[contact, LEVER] = min(room / speed, _latest(table, contact))
+        record[contact, LEVER] = min(room / speed, _latest(touch, contact))
     more = max(-speed / ease, -pressing)
     record[contact, NORMAL] = pressing + more
     lever = record[contact, LEVER]
-    push(table, body, state, roles, times(normal, more), lever)
-    if table.friction > 0.0:
-        u = approach(table, body, state.v, roles, 0.0)
+    push(motion, roles, times(normal, more), lever)
+    if touch.friction > 0.0:
+        u = approach(motion, roles, 0.0)
         slip = minus(u, times(normal, dot(u, normal)))
         fast = math.sqrt(dot(slip, slip))
         if fast > 0.0:
-            ease_along = mobility(body, roles, times(slip, 1.0 / fast))
+            ease_along = mobility(motion, roles, times(slip, 1.0 / fast))
             if ease_along > 0.0:
-                _rub(table, body, state, contact, roles, times(slip, -1.0 / ease_along))
+                _rub(touch, motion, contact, roles, times(slip, -1.0 / ease_along))
     return abs(more) * ease
 
 
 @jit
-def _rub(table: Any, body: Any, state: Any, contact: int, roles: Any, wanted: Any) -> None:
+def _rub(touch: Any, motion: Any, contact: int, roles: Any, wanted: Any) -> None:
     """Push against slip as far as the cone of friction allows."""
-    record = table.record
+    record = touch.record
     old = (
         record[contact, FRICTION],
         record[contact, FRICTION + 1],
         record[contact, FRICTION + 2],
     )
     new = (old[0] + wanted[0], old[1] + wanted[1], old[2] + wanted[2])
-    size, most = math.sqrt(dot(new, new)), table.friction * record[contact, NORMAL]
+    size, most = math.sqrt(dot(new, new)), touch.friction * record[contact, NORMAL]
     if size > most:
         new = times(new, most / size)
     for axis in range(3):
         record[contact, FRICTION + axis] = new[axis]
-    push(table, body, state, roles, minus(new, old), record[contact, LEVER])
+    push(motion, roles, minus(new, old), record[contact, LEVER])
 
 
 @jit
-def let_rest(table: Any, body: Any, state: Any) -> bool:
+def let_rest(touch: Any, motion: Any) -> bool:
     """Hold together what rests on something; say whether anything does."""
-    n, first = table.status[NEAR], 0.0
-    for sweep in range(table.iterations):
+    n, first = touch.count[0], 0.0
+    for sweep in range(touch.iterations):
         largest = 0.0
         for place in range(n):
             c = place if sweep % 2 == 0 else n - 1 - place
-            largest = max(largest, press(table, body, state, c))
+            largest = max(largest, press(touch, motion, c))
         first = max(first, largest)
         if largest <= CONVERGED * first:
             break
@@ -456,40 +447,40 @@ def let_rest(table: Any, body: Any, state: Any) -> bool:
 
 
 @jit
-def separate(table: Any, body: Any, state: Any, contact: int) -> float:
+def separate(touch: Any, motion: Any, contact: int) -> float:
     """Close a gap that is negative by moving nodes; return it."""
-    gap, normal, shares, inside = measure(table, body, state.x, state.v, contact, 0.0)
-    room = gap - table.record[contact, ALLOWED]
-    if room >= -CLOSED * table.distance:
+    gap, normal, shares, inside = measure(touch, motion, motion.x, contact, 0.0)
+    room = gap - touch.record[contact, ALLOWED]
+    if room >= -CLOSED * touch.distance:
         return 0.0
-    roles = _roles(table, contact, shares)
-    ease = mobility(body, roles, normal)
-    if ease <= 0.0 or (not inside and is_seam(table, body, state, contact, shares, 0.0)):
+    roles = _roles(touch, contact, shares)
+    ease = mobility(motion, roles, normal)
+    if ease <= 0.0 or (not inside and is_seam(touch, motion, contact, shares, 0.0)):
         return 0.0
     nodes, parts = roles
     against = 0.0
     for k in range(4):
         if parts[k] == 0.0:
             continue
-        for axis in range(len(body.space)):
-            at = axis * body.stride + nodes[k]
-            w, share = body.inverse_mass[at], -parts[k] * normal[axis] * room / ease
+        for axis in range(len(motion.space)):
+            at = axis * motion.stride + nodes[k]
+            w, share = motion.inverse_mass[at], -parts[k] * normal[axis] * room / ease
             if w > 0.0:
-                state.x[at] += w * share
-                against += share * table.acceleration[at]
-    state.ledger[CONTACT * LEDGER_STRIDE] += against
+                motion.x[at] += w * share
+                against += share * motion.acceleration[at]
+    motion.ledger[CONTACT * LEDGER_STRIDE] += against
     return -room
 
 
 @jit
-def let_part(table: Any, body: Any, state: Any) -> bool:
+def let_part(touch: Any, motion: Any) -> bool:
     """Close negative gaps; say whether there were any."""
-    n, moved = table.status[NEAR], False
-    for sweep in range(table.iterations):
+    n, moved = touch.count[0], False
+    for sweep in range(touch.iterations):
         worst = 0.0
         for place in range(n):
             c = place if sweep % 2 == 0 else n - 1 - place
-            worst = max(worst, separate(table, body, state, c))
+            worst = max(worst, separate(touch, motion, c))
         if worst == 0.0:
             break
         moved = True

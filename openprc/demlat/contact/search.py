@@ -24,6 +24,13 @@ MARGIN = 4.0
 
 
 @jit
+def copy_to(target: Any, source: Any) -> None:
+    """Copy an array; slices would need numba's run time."""
+    for at in range(source.size):
+        target[at] = source[at]
+
+
+@jit
 def _cell_along(value: float, per_cell: float) -> int:
     scaled = math.floor(value * per_cell)
     if not abs(scaled) < FARTHEST_CELL:  # also NaN
@@ -32,40 +39,40 @@ def _cell_along(value: float, per_cell: float) -> int:
 
 
 @jit
-def _bucket_of(table: Any, i: int, j: int, k: int) -> int:
+def _bucket_of(lists: Any, i: int, j: int, k: int) -> int:
     mixed = (i * 73856093) ^ (j * 19349663) ^ (k * 83492791)
-    return mixed & (table.bucket_first.size - 2)
+    return mixed & (lists.bucket_first.size - 2)
 
 
 @jit
-def fill_cells(table: Any, body: Any, x: Any, size: float) -> None:
+def fill_cells(lists: Any, layout: Any, x: Any, size: float) -> None:
     """Sort collidable nodes into cells of that size."""
     per_cell = 1.0 / size
-    first, cell = table.bucket_first, table.cell
+    first, cell = lists.bucket_first, lists.cell
     first[:] = 0
-    for c in range(table.nodes.size):
-        p = where(body, x, table.nodes[c])
+    for c in range(lists.nodes.size):
+        p = where(layout, x, lists.nodes[c])
         for axis in range(3):
             cell[3 * c + axis] = _cell_along(p[axis], per_cell)
-        first[_bucket_of(table, cell[3 * c], cell[3 * c + 1], cell[3 * c + 2]) + 1] += 1
+        first[_bucket_of(lists, cell[3 * c], cell[3 * c + 1], cell[3 * c + 2]) + 1] += 1
     for b in range(first.size - 1):
         first[b + 1] += first[b]
     # Backwards, so that `first` ends at the beginnings and nodes in a bucket ascend.
-    for c in range(table.nodes.size - 1, -1, -1):
-        b = _bucket_of(table, cell[3 * c], cell[3 * c + 1], cell[3 * c + 2])
+    for c in range(lists.nodes.size - 1, -1, -1):
+        b = _bucket_of(lists, cell[3 * c], cell[3 * c + 1], cell[3 * c + 2])
         first[b + 1] -= 1
-        table.bucket[first[b + 1]] = c
+        lists.bucket[first[b + 1]] = c
     for b in range(first.size - 1):
         first[b] = first[b + 1]
-    first[first.size - 1] = table.nodes.size
+    first[first.size - 1] = lists.nodes.size
 
 
 @jit
-def _share_a_bar(table: Any, i: int, j: int) -> bool:
-    for at in range(table.bond_first[i], table.bond_first[i + 1]):
-        if table.bonded[at] == j:
-            return True
-    return False
+def _share_a_bar(lists: Any, i: int, j: int) -> bool:
+    at, end = lists.bond_first[i], lists.bond_first[i + 1]
+    while at < end and lists.bonded[at] != j:
+        at += 1
+    return at < end
 
 
 @jit
@@ -81,80 +88,87 @@ def _sort_tail(rows: Any, begin: int, end: int) -> None:
 
 
 @jit
-def list_pairs(table: Any, body: Any, x: Any, reach: float) -> None:
+def list_pairs(lists: Any, layout: Any, x: Any, reach: float) -> None:
     """List collidable nodes with a gap below `reach`, ascending by both."""
-    far = table.distance + reach
-    fill_cells(table, body, x, far)
-    cell, first, count = table.cell, table.bucket_first, 0
-    for c in range(table.nodes.size):
-        i, begin = table.nodes[c], count
-        p = where(body, x, i)
+    far = lists.distance + reach
+    fill_cells(lists, layout, x, far)
+    cell, first = lists.cell, lists.bucket_first
+    lists.status[PAIRS] = 0
+    for c in range(lists.nodes.size):
+        i, begin = lists.nodes[c], lists.status[PAIRS]
+        p = where(layout, x, i)
         for neighbour in range(27):
             at = (
                 cell[3 * c] + neighbour % 3 - 1,
                 cell[3 * c + 1] + (neighbour // 3) % 3 - 1,
                 cell[3 * c + 2] + neighbour // 9 - 1,
             )
-            b = _bucket_of(table, at[0], at[1], at[2])
+            b = _bucket_of(lists, at[0], at[1], at[2])
             for entry in range(first[b], first[b + 1]):
-                d = table.bucket[entry]
+                d = lists.bucket[entry]
                 if d <= c or cell[3 * d] != at[0]:
                     continue
                 if cell[3 * d + 1] != at[1] or cell[3 * d + 2] != at[2]:
                     continue  # another cell with the same hash
-                j = table.nodes[d]
-                apart = minus(where(body, x, j), p)
+                j = lists.nodes[d]
+                apart = minus(where(layout, x, j), p)
                 if not dot(apart, apart) < far * far:
                     continue
-                if not (table.mobile[i] or table.mobile[j]) or _share_a_bar(table, i, j):
+                if not (lists.mobile[i] or lists.mobile[j]) or _share_a_bar(lists, i, j):
                     continue
-                if count < table.pair.shape[0]:
-                    table.pair[count, 0] = i
-                    table.pair[count, 1] = j
-                count += 1
-        if count <= table.pair.shape[0]:
-            _sort_tail(table.pair, begin, count)
-    table.status[PAIRS] = count
+                at_end = lists.status[PAIRS]
+                if at_end < lists.pair.shape[0]:
+                    lists.pair[at_end, 0] = i
+                    lists.pair[at_end, 1] = j
+                lists.status[PAIRS] += 1
+        if lists.status[PAIRS] <= lists.pair.shape[0]:
+            _sort_tail(lists.pair, begin, lists.status[PAIRS])
 
 
 @jit
-def _list_facing(table: Any, body: Any, x: Any, c: int, face: int, far: float, count: int) -> int:
-    """Append collidable node number `c` and `face` if they are near; return the new count."""
-    node = table.nodes[c]
-    i, j, k = table.faces[3 * face], table.faces[3 * face + 1], table.faces[3 * face + 2]
-    if node == i or node == j or node == k:
-        return count
-    mobile = table.mobile
+def squared_distance(lists: Any, layout: Any, x: Any, node: int, face: int) -> float:
+    """Return the square of the distance of a node from a face [m2]."""
+    p = where(layout, x, node)
+    a = where(layout, x, lists.faces[3 * face])
+    b = where(layout, x, lists.faces[3 * face + 1])
+    c = where(layout, x, lists.faces[3 * face + 2])
+    u, v, w, _ = nearest_on_triangle(p, a, b, c)
+    apart = minus(minus(minus(p, times(a, u)), times(b, v)), times(c, w))
+    return dot(apart, apart)
+
+
+@jit
+def _list_facing(lists: Any, layout: Any, x: Any, c: int, face: int, far: float) -> None:
+    """Append collidable node number `c` and `face` if they are near."""
+    node = lists.nodes[c]
+    i, j, k = lists.faces[3 * face], lists.faces[3 * face + 1], lists.faces[3 * face + 2]
+    if node in (i, j, k):
+        return
+    mobile = lists.mobile
     if not (mobile[node] or mobile[i] or mobile[j] or mobile[k]):
-        return count
-    p, at_i, at_j, at_k = (
-        where(body, x, node),
-        where(body, x, i),
-        where(body, x, j),
-        where(body, x, k),
-    )
-    u, v, w, _ = nearest_on_triangle(p, at_i, at_j, at_k)
-    apart = minus(minus(minus(p, times(at_i, u)), times(at_j, v)), times(at_k, w))
-    if not dot(apart, apart) < far * far:
-        return count
-    if count < table.facing.shape[0]:
-        table.facing[count, 0] = node
-        table.facing[count, 1] = face
-    return count + 1
+        return
+    if not squared_distance(lists, layout, x, node, face) < far * far:
+        return
+    at_end = lists.status[FACINGS]
+    if at_end < lists.facing.shape[0]:
+        lists.facing[at_end, 0] = node
+        lists.facing[at_end, 1] = face
+    lists.status[FACINGS] += 1
 
 
 @jit
-def list_facings(table: Any, body: Any, x: Any, reach: float) -> None:
+def list_facings(lists: Any, layout: Any, x: Any, reach: float) -> None:
     """List collidable nodes and faces with a gap below `reach`, face after face."""
-    n_faces, count = table.faces.size // 3, 0
+    n_faces = lists.faces.size // 3
+    lists.status[FACINGS] = 0
     if n_faces > 0:
-        far = table.radius + reach
-        size = max(far, table.extent)
-        fill_cells(table, body, x, size)
-        cell, first = table.cell, table.bucket_first
+        far = lists.radius + reach
+        size = max(far, lists.extent)
+        fill_cells(lists, layout, x, size)
+        cell, first = lists.cell, lists.bucket_first
         for face in range(n_faces):
-            i, j, k = table.faces[3 * face], table.faces[3 * face + 1], table.faces[3 * face + 2]
-            a, b, c = where(body, x, i), where(body, x, j), where(body, x, k)
+            i, j, k = lists.faces[3 * face], lists.faces[3 * face + 1], lists.faces[3 * face + 2]
+            a, b, c = where(layout, x, i), where(layout, x, j), where(layout, x, k)
             low_x = _cell_along(min(a[0], b[0], c[0]) - far, 1.0 / size)
             low_y = _cell_along(min(a[1], b[1], c[1]) - far, 1.0 / size)
             low_z = _cell_along(min(a[2], b[2], c[2]) - far, 1.0 / size)
@@ -163,81 +177,76 @@ def list_facings(table: Any, body: Any, x: Any, reach: float) -> None:
             high_z = _cell_along(max(a[2], b[2], c[2]) + far, 1.0 / size)
             cells = float(high_x - low_x + 1) * float(high_y - low_y + 1)
             cells *= float(high_z - low_z + 1)
-            if cells > table.nodes.size:
-                for other in range(table.nodes.size):
-                    count = _list_facing(table, body, x, other, face, far, count)
+            if cells > lists.nodes.size:
+                for other in range(lists.nodes.size):
+                    _list_facing(lists, layout, x, other, face, far)
                 continue
             for at_x in range(low_x, high_x + 1):
                 for at_y in range(low_y, high_y + 1):
                     for at_z in range(low_z, high_z + 1):
-                        hashed = _bucket_of(table, at_x, at_y, at_z)
+                        hashed = _bucket_of(lists, at_x, at_y, at_z)
                         for entry in range(first[hashed], first[hashed + 1]):
-                            other = table.bucket[entry]
+                            other = lists.bucket[entry]
                             if (
                                 cell[3 * other] == at_x
                                 and cell[3 * other + 1] == at_y
                                 and cell[3 * other + 2] == at_z
                             ):
-                                count = _list_facing(table, body, x, other, face, far, count)
-    table.status[FACINGS] = count
+                                _list_facing(lists, layout, x, other, face, far)
 
 
 @jit
-def largest_move(table: Any, body: Any, x: Any, before: Any) -> float:
+def largest_move(lists: Any, layout: Any, x: Any, before: Any) -> float:
     """Return how far the watched node that moved most is from where it was [m]."""
     largest = 0.0
-    for w in range(table.watched.size):
-        node = table.watched[w]
-        apart = minus(where(body, x, node), where(body, before, node))
+    for w in range(lists.watched.size):
+        node = lists.watched[w]
+        apart = minus(where(layout, x, node), where(layout, before, node))
         largest = max(largest, dot(apart, apart))
     return math.sqrt(largest)
 
 
 @jit
-def keep_lists(table: Any, body: Any, x: Any, margin: float) -> bool:
+def keep_lists(lists: Any, layout: Any, x: Any, margin: float) -> bool:
     """Make the lists again where they may miss a gap below `margin`; say whether they fit."""
-    moved = largest_move(table, body, x, table.listed_at)
-    if table.status[LISTED] == 1 and 2.0 * moved + margin <= table.reach[0]:
+    moved = largest_move(lists, layout, x, lists.listed_at)
+    if lists.status[LISTED] == 1 and 2.0 * moved + margin <= lists.reach[0]:
         return True
-    reach = max(table.skin, 2.0 * margin)
-    list_pairs(table, body, x, reach)
-    list_facings(table, body, x, reach)
-    table.status[LISTED] = 0
-    if table.status[PAIRS] > table.pair.shape[0] or table.status[FACINGS] > table.facing.shape[0]:
+    reach = max(lists.skin, 2.0 * margin)
+    list_pairs(lists, layout, x, reach)
+    list_facings(lists, layout, x, reach)
+    lists.status[LISTED] = 0
+    if lists.status[PAIRS] > lists.pair.shape[0] or lists.status[FACINGS] > lists.facing.shape[0]:
         return False
-    table.listed_at[:] = x
-    table.reach[0] = reach
-    table.status[LISTED] = 1
+    copy_to(lists.listed_at, x)
+    lists.reach[0] = reach
+    lists.status[LISTED] = 1
     return True
 
 
 @jit
-def _append(table: Any, count: int, node: int, other: int) -> int:
-    if count < table.near.shape[0]:
-        table.near[count, 0] = node
-        table.near[count, 1] = other
-    return count + 1
+def _append(touch: Any, node: int, other: int) -> None:
+    at_end = touch.count[0]
+    if at_end < touch.near.shape[0]:
+        touch.near[at_end, 0] = node
+        touch.near[at_end, 1] = other
+    touch.count[0] += 1
 
 
 @jit
-def gather(table: Any, body: Any, x: Any, margin: float) -> bool:
+def gather(lists: Any, touch: Any, layout: Any, x: Any, margin: float) -> bool:
     """Put contacts with a gap below `margin` into `near`; say whether they fit."""
-    count, far = 0, table.distance + margin
-    for at in range(table.status[PAIRS]):
-        i, j = table.pair[at, 0], table.pair[at, 1]
-        apart = minus(where(body, x, i), where(body, x, j))
+    touch.count[0] = 0
+    far = touch.distance + margin
+    for at in range(lists.status[PAIRS]):
+        i, j = lists.pair[at, 0], lists.pair[at, 1]
+        apart = minus(where(layout, x, i), where(layout, x, j))
         if dot(apart, apart) < far * far:
-            count = _append(table, count, i, j)
-    far = table.radius + margin
-    for at in range(table.status[FACINGS]):
-        node, face = table.facing[at, 0], table.facing[at, 1]
-        p = where(body, x, node)
-        a = where(body, x, table.faces[3 * face])
-        b = where(body, x, table.faces[3 * face + 1])
-        c = where(body, x, table.faces[3 * face + 2])
-        u, v, w, _ = nearest_on_triangle(p, a, b, c)
-        apart = minus(minus(minus(p, times(a, u)), times(b, v)), times(c, w))
-        if dot(apart, apart) < far * far:
-            count = _append(table, count, node, -1 - face)
-    table.status[NEAR] = count
-    return count <= table.near.shape[0]
+            _append(touch, i, j)
+    far = touch.radius + margin
+    for at in range(lists.status[FACINGS]):
+        node, face = lists.facing[at, 0], lists.facing[at, 1]
+        if squared_distance(lists, layout, x, node, face) < far * far:
+            _append(touch, node, -1 - face)
+    lists.status[NEAR] = touch.count[0]
+    return touch.count[0] <= touch.near.shape[0]

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from openprc.schema.experiment import Experiment
 
 Reals = NDArray[np.float64]
-Places = NDArray[np.int32]
 Counts = NDArray[np.int64]
 
 #: Sweeps over the contacts of a step unless the experiment says otherwise.
@@ -24,19 +23,21 @@ SLOP = 1e-3
 #: How much farther than they touch nodes are listed, in distances of contact.
 SKIN = 0.4
 #: Room at the start, for each collidable node: pairs, nodes with faces, and contacts.
-ROOM = (8, 4, 4)
+ROOM = (6, 2, 2)
 LEAST_ROOM = 64
 
-#: Entries of `ContactTable.status`: lengths of the three lists (what they should have been,
+#: Entries of `Lists.status`: lengths of the three lists (what they should have been,
 #: where there was no room), and whether the lists are to be trusted.
 PAIRS, FACINGS, NEAR, LISTED = range(4)
-#: Columns of `ContactTable.record`.
+#: Columns of `Touch.near` besides the two that say who touches whom.
+NEXT, ORDER = 2, 3
+#: Columns of `Touch.record`.
 SIDE, ALLOWED, CROSSED, LEVER, NORMAL, FRICTION = range(6)
 RECORD_COLUMNS = FRICTION + 3
 
 
-class ContactTable(NamedTuple):
-    """Collidable nodes and faces of one scene, in units of the engine.
+class Lists(NamedTuple):
+    """Who may touch whom, in units of the engine.
 
     Attributes
     ----------
@@ -44,45 +45,27 @@ class ContactTable(NamedTuple):
         Of the centres of two nodes that touch.
     radius : float [m]
         Distance of a node from a face that it touches.
-    restitution, friction : float
-    iterations : int
     skin : float [m]
     extent : float [m]
         Mean size of a face, the size of cells in which nodes near faces are sought.
-    nodes : (C,) i4
+    nodes : (C,) i8
         Collidable nodes, ascending.
-    watched : (W,) i4
+    watched : (W,) i8
         Nodes whose motion can make or break a contact.
-    faces : (3 F,) i4
+    faces : (3 F,) i8
         Corners, face after face.
     mobile : (N,) bool
         Whether any coordinate of a node can move freely.
-    bond_first, bonded : (N + 1,), (2 M,) i4
+    bond_first, bonded : (N + 1,), (2 M,) i8
         Row n of `bonded` from ``bond_first[n]`` on: the nodes that share a bar with n.
     cell : (3 C,) i8
         Of every collidable node in the grid.
-    bucket, bucket_first : (C,), (B + 1,) i4
+    bucket, bucket_first : (C,), (B + 1,) i8
         Collidable nodes by the hash of their cells.
-    pair : (room, 2) i4
+    pair : (room, 2) i8
         Nodes that may touch before the lists are made again.
-    facing : (room, 2) i4
+    facing : (room, 2) i8
         Likewise nodes and faces.
-    near : (room, 2) i4
-        Contacts of this step: node, and node or ``-1 - face``.
-    record : (room, 9)
-        Of each of them: side of the face; the (negative) gap that is let be; how long before
-        the end of the step a node was inside another that it has passed; how far the push of
-        a resting contact reaches back; normal and tangential impulses of it.
-    order : (room,) i4
-        Contacts by time of impact.
-    first_of, next_of : (N,), (room,) i4
-        Chains of the contacts of a node, -1 at the end; taken apart after every step.
-    since : (N,) [s]
-        How long before the end of the step a node was last hit.
-    start : (dims * stride,) [m]
-        Positions at the start of the step.
-    acceleration : (dims * stride,) [m/s2]
-        Mean over the step without contact; before it, the velocities at its start.
     listed_at : (dims * stride,) [m]
         Positions for which the lists were made.
     reach : (1,) [m]
@@ -92,33 +75,98 @@ class ContactTable(NamedTuple):
 
     distance: float
     radius: float
-    restitution: float
-    friction: float
-    iterations: int
     skin: float
     extent: float
-    nodes: Places
-    watched: Places
-    faces: Places
+    nodes: Counts
+    watched: Counts
+    faces: Counts
     mobile: NDArray[np.bool_]
-    bond_first: Places
-    bonded: Places
+    bond_first: Counts
+    bonded: Counts
     cell: Counts
-    bucket: Places
-    bucket_first: Places
-    pair: Places
-    facing: Places
-    near: Places
-    record: Reals
-    order: Places
-    first_of: Places
-    next_of: Places
-    since: Reals
-    start: Reals
-    acceleration: Reals
+    bucket: Counts
+    bucket_first: Counts
+    pair: Counts
+    facing: Counts
     listed_at: Reals
     reach: Reals
     status: Counts
+
+
+class Touch(NamedTuple):
+    """The contacts of a step.
+
+    Attributes
+    ----------
+    distance, radius : float [m]
+        As in `Lists`.
+    restitution, friction : float
+    iterations : int
+    faces : (3 F,) i8
+    near : (room, 4) i8
+        Node; other node or ``-1 - face``; next contact of the node; contacts by time of impact.
+    record : (room, 9)
+        Side of the face; the (negative) gap that is let be; how long before the end of the
+        step a node was inside another that it has passed; how far the push of a resting
+        contact reaches back; normal and tangential impulses of it.
+    since : (N,) [s]
+        How long before the end of the step a node was last hit.
+    first_of : (N,) i8
+        First contact of a node, -1 where there is none; taken apart after every step.
+    count : (1,) i8
+        Of contacts.
+    """
+
+    distance: float
+    radius: float
+    restitution: float
+    friction: float
+    iterations: int
+    faces: Counts
+    near: Counts
+    record: Reals
+    since: Reals
+    first_of: Counts
+    count: Counts
+
+
+class ContactTable(NamedTuple):
+    """Contacts of a scene.
+
+    Attributes
+    ----------
+    lists : Lists
+    touch : Touch
+    start : (dims * stride,) [m]
+        Positions at the start of the step.
+    acceleration : (dims * stride,) [m/s2]
+        Mean over the step without contact; before its end, the velocities at its start.
+    """
+
+    lists: Lists
+    touch: Touch
+    start: Reals
+    acceleration: Reals
+
+
+class Motion(NamedTuple):
+    """Coordinates of a step, as contacts see them; fields as in `ContactTable` and `Body`."""
+
+    space: tuple[int, ...]
+    stride: int
+    x: Reals
+    v: Reals
+    inverse_mass: Reals
+    start: Reals
+    acceleration: Reals
+    ledger: Reals
+
+
+class Layout(NamedTuple):
+    """Of flat coordinates; fields as in `Body`."""
+
+    space: tuple[int, ...]
+    stride: int
 
 
 def contact_tables(
@@ -136,7 +184,7 @@ def contact_tables(
         Length that counts as 1.
     """
     geometry, collision = experiment.geometry, experiment.collision
-    nodes = np.flatnonzero(geometry.collidable).astype("i4")
+    nodes = np.flatnonzero(geometry.collidable).astype("i8")
     faces = geometry.faces if collision.faces else geometry.faces[:0]
     if not collision.enabled or len(nodes) + len(faces) < 2 or not len(nodes):
         return ()
@@ -147,66 +195,69 @@ def contact_tables(
     first, bonded = _bonds(geometry.bars.indices, n_nodes)
     rooms = [LEAST_ROOM + each * len(nodes) for each in ROOM]
     buckets = 1 << int(2 * len(nodes)).bit_length()
-    return (
-        ContactTable(
-            distance=2.0 * radius,
-            radius=radius,
-            restitution=1.0 if collision.restitution is None else float(collision.restitution),
-            friction=float(collision.friction or 0.0),
-            iterations=int(collision.iterations or ITERATIONS),
-            skin=SKIN * 2.0 * radius,
-            extent=float(np.ptp(corners, axis=1).max(axis=1).mean()) / unit if len(faces) else 0.0,
-            nodes=nodes,
-            watched=np.union1d(nodes, faces).astype("i4"),
-            faces=np.ascontiguousarray(faces, "i4").reshape(-1),
-            mobile=(by_axis > 0.0).any(axis=0),
-            bond_first=first,
-            bonded=bonded,
-            cell=np.zeros(3 * len(nodes), "i8"),
-            bucket=np.zeros(len(nodes), "i4"),
-            bucket_first=np.zeros(buckets + 1, "i4"),
-            pair=np.zeros((rooms[0], 2), "i4"),
-            facing=np.zeros((rooms[1], 2), "i4"),
-            near=np.zeros((rooms[2], 2), "i4"),
-            record=np.zeros((rooms[2], RECORD_COLUMNS)),
-            order=np.zeros(rooms[2], "i4"),
-            first_of=np.full(n_nodes, -1, "i4"),
-            next_of=np.zeros(rooms[2], "i4"),
-            since=np.zeros(n_nodes),
-            start=np.zeros_like(inverse_mass),
-            acceleration=np.zeros_like(inverse_mass),
-            listed_at=np.zeros_like(inverse_mass),
-            reach=np.zeros(1),
-            status=np.zeros(4, "i8"),
-        ),
+    flat_faces = np.array(faces, "i8").reshape(-1)
+    lists = Lists(
+        distance=2.0 * radius,
+        radius=radius,
+        skin=SKIN * 2.0 * radius,
+        extent=float(np.ptp(corners, axis=1).max(axis=1).mean()) / unit if len(faces) else 0.0,
+        nodes=nodes,
+        watched=np.union1d(nodes, faces).astype("i8"),
+        faces=flat_faces,
+        mobile=(by_axis > 0.0).any(axis=0),
+        bond_first=first,
+        bonded=bonded,
+        cell=np.zeros(3 * len(nodes), "i8"),
+        bucket=np.zeros(len(nodes), "i8"),
+        bucket_first=np.zeros(buckets + 1, "i8"),
+        pair=np.zeros((rooms[PAIRS], 2), "i8"),
+        facing=np.zeros((rooms[FACINGS], 2), "i8"),
+        listed_at=np.zeros_like(inverse_mass),
+        reach=np.zeros(1),
+        status=np.zeros(4, "i8"),
     )
+    touch = Touch(
+        distance=2.0 * radius,
+        radius=radius,
+        restitution=1.0 if collision.restitution is None else float(collision.restitution),
+        friction=float(collision.friction or 0.0),
+        iterations=int(collision.iterations or ITERATIONS),
+        faces=flat_faces,
+        near=np.zeros((rooms[NEAR], 4), "i8"),
+        record=np.zeros((rooms[NEAR], RECORD_COLUMNS)),
+        since=np.zeros(n_nodes),
+        first_of=np.full(n_nodes, -1, "i8"),
+        count=np.zeros(1, "i8"),
+    )
+    zeros = np.zeros_like(inverse_mass)
+    return (ContactTable(lists, touch, zeros, zeros.copy()),)
 
 
-def _bonds(bars: Places, n_nodes: int) -> tuple[Places, Places]:
+def _bonds(bars: Counts, n_nodes: int) -> tuple[Counts, Counts]:
     """Return the rows of nodes that share a bar: where each begins, and the rows."""
     both = np.concatenate([bars, bars[:, ::-1]])
     both = both[np.argsort(both[:, 0], kind="stable")]
     counts = np.bincount(both[:, 0], minlength=n_nodes)
-    first = np.concatenate([[0], np.cumsum(counts)]).astype("i4")
-    return first, np.ascontiguousarray(both[:, 1], "i4")
+    first = np.concatenate([[0], np.cumsum(counts)]).astype("i8")
+    return first, np.ascontiguousarray(both[:, 1], "i8")
 
 
 def enlarged(table: ContactTable) -> ContactTable:
     """Return `table` with room for what its `status` says had no place."""
-    wanted = [
-        max(len(old), int(1.5 * count) + LEAST_ROOM if count > len(old) else 0)
-        for old, count in zip((table.pair, table.facing, table.near), table.status, strict=False)
+    lists, touch = table.lists, table.touch
+    rooms = [
+        int(1.5 * count) + LEAST_ROOM if count > len(old) else len(old)
+        for old, count in zip((lists.pair, lists.facing, touch.near), lists.status, strict=False)
     ]
-    status = np.zeros_like(table.status)
-    return table._replace(
-        pair=np.zeros((wanted[PAIRS], 2), "i4"),
-        facing=np.zeros((wanted[FACINGS], 2), "i4"),
-        near=np.zeros((wanted[NEAR], 2), "i4"),
-        record=np.zeros((wanted[NEAR], RECORD_COLUMNS)),
-        order=np.zeros(wanted[NEAR], "i4"),
-        next_of=np.zeros(wanted[NEAR], "i4"),
-        status=status,
+    lists = lists._replace(
+        pair=np.zeros((rooms[PAIRS], 2), "i8"),
+        facing=np.zeros((rooms[FACINGS], 2), "i8"),
+        status=np.zeros_like(lists.status),
     )
+    touch = touch._replace(
+        near=np.zeros((rooms[NEAR], 4), "i8"), record=np.zeros((rooms[NEAR], RECORD_COLUMNS))
+    )
+    return table._replace(lists=lists, touch=touch)
 
 
 class Rewind:

@@ -92,19 +92,19 @@ def nearest_on_triangle(p: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 @jit
-def where(body: Any, x: Any, node: int) -> Any:
+def where(layout: Any, x: Any, node: int) -> Any:
     """Return the three components of `node` in flat coordinates; z is 0 in a planar scene."""
     z = 0.0
-    if len(body.space) == 3:
-        z = x[2 * body.stride + node]
-    return x[node], x[body.stride + node], z
+    if len(layout.space) == 3:
+        z = x[2 * layout.stride + node]
+    return x[node], x[layout.stride + node], z
 
 
 @jit
-def earlier(table: Any, body: Any, x: Any, v: Any, node: int, s: float) -> Any:
+def earlier(motion: Any, x: Any, node: int, s: float) -> Any:
     """Return where `node` was at the time `s` before the end of the step."""
-    p, u = where(body, x, node), where(body, v, node)
-    a = where(body, table.acceleration, node)
+    p, u = where(motion, x, node), where(motion, motion.v, node)
+    a = where(motion, motion.acceleration, node)
     half = 0.5 * s * s
     return (
         p[0] - s * u[0] + half * a[0],
@@ -114,29 +114,29 @@ def earlier(table: Any, body: Any, x: Any, v: Any, node: int, s: float) -> Any:
 
 
 @jit
-def members(table: Any, contact: int) -> Any:
+def members(touch: Any, contact: int) -> Any:
     """Return the node of a contact and the three corners, or thrice the other node."""
-    node, other = table.near[contact, 0], table.near[contact, 1]
+    node, other = touch.near[contact, 0], touch.near[contact, 1]
     if other >= 0:
         return node, other, other, other
     first = 3 * (-1 - other)
-    return node, table.faces[first], table.faces[first + 1], table.faces[first + 2]
+    return node, touch.faces[first], touch.faces[first + 1], touch.faces[first + 2]
 
 
 @jit
-def signed_height(table: Any, body: Any, x: Any, contact: int) -> float:
+def signed_height(touch: Any, motion: Any, x: Any, contact: int) -> float:
     """Return how far the node is above the plane of the face [m]."""
-    p, a, b, c = members(table, contact)
-    origin = where(body, x, a)
-    normal = cross(minus(where(body, x, b), origin), minus(where(body, x, c), origin))
+    p, a, b, c = members(touch, contact)
+    origin = where(motion, x, a)
+    normal = cross(minus(where(motion, x, b), origin), minus(where(motion, x, c), origin))
     size = math.sqrt(dot(normal, normal))
     if size == 0.0:
         return 0.0
-    return dot(minus(where(body, x, p), origin), normal) / size
+    return dot(minus(where(motion, x, p), origin), normal) / size
 
 
 @jit
-def measure(table: Any, body: Any, x: Any, v: Any, contact: int, s: float) -> Any:
+def measure(touch: Any, motion: Any, x: Any, contact: int, s: float) -> Any:
     """Look at a contact at the time `s` before the end of the step.
 
     Returns
@@ -150,20 +150,20 @@ def measure(table: Any, body: Any, x: Any, v: Any, contact: int, s: float) -> An
     inside : bool
         Whether that is inside the face; False for two nodes.
     """
-    p, a, b, c = members(table, contact)
-    place = earlier(table, body, x, v, p, s)
-    at_a = earlier(table, body, x, v, a, s)
-    if table.near[contact, 1] >= 0:
+    p, a, b, c = members(touch, contact)
+    place = earlier(motion, x, p, s)
+    at_a = earlier(motion, x, a, s)
+    if touch.near[contact, 1] >= 0:
         apart = minus(place, at_a)
         far = math.sqrt(dot(apart, apart))
         scale = 1.0 / far if far > 0.0 else 0.0
-        return far - table.distance, times(apart, scale), (1.0, 0.0, 0.0), False
-    at_b = earlier(table, body, x, v, b, s)
-    at_c = earlier(table, body, x, v, c, s)
+        return far - touch.distance, times(apart, scale), (1.0, 0.0, 0.0), False
+    at_b = earlier(motion, x, b, s)
+    at_c = earlier(motion, x, c, s)
     share_a, share_b, share_c, inside = nearest_on_triangle(place, at_a, at_b, at_c)
     if inside:
         normal = cross(minus(at_b, at_a), minus(at_c, at_a))
-        normal = times(normal, table.record[contact, SIDE] / math.sqrt(dot(normal, normal)))
+        normal = times(normal, touch.record[contact, SIDE] / math.sqrt(dot(normal, normal)))
         far = dot(minus(place, at_a), normal)
     else:
         normal = minus(place, times(at_a, share_a))
@@ -171,4 +171,4 @@ def measure(table: Any, body: Any, x: Any, v: Any, contact: int, s: float) -> An
         normal = minus(normal, times(at_c, share_c))
         far = math.sqrt(dot(normal, normal))
         normal = times(normal, 1.0 / far if far > 0.0 else 0.0)
-    return far - table.radius, normal, (share_a, share_b, share_c), inside
+    return far - touch.radius, normal, (share_a, share_b, share_c), inside

@@ -51,10 +51,12 @@ class Integrator:
     order : int
         Of convergence, for smooth drives.
     path : str
-        ``module:class`` of its work arrays, which have ``for_body(body, settings)``.
+        ``module:class`` of its work arrays, which have ``for_body(body, settings)``; for
+        "legacy" the function that yields the frames.
     stages : int
         Evaluations of all forces in a step.
-    step : {"fixed", "adaptive"}
+    step : {"fixed", "adaptive", "legacy"}
+        "legacy" is a program of its own, which shares nothing with the others.
     rigid : {"no", "exact", "projected"}
         What it does with rigid bars and hinges: refuse them, solve for them to tolerance, or
         project the state after each step, which costs order.
@@ -69,7 +71,7 @@ class Integrator:
     path: str
     stages: int
     use: str
-    step: Literal["fixed", "adaptive"] = "fixed"
+    step: Literal["fixed", "adaptive", "legacy"] = "fixed"
     rigid: Literal["no", "exact", "projected"] = "no"
     stability: Literal["rk4", "verlet", "pefrl", "none"] = "none"
 
@@ -116,6 +118,33 @@ INTEGRATORS: Mapping[str, Integrator] = MappingProxyType(
                 use="stiff bars with soft hinges: dt is the step of the hinges, bars take shorter ones",
             ),
             Integrator(
+                name="rattle",
+                order=2,
+                path=f"{_HERE}.rattle:Rattle",
+                stages=1,
+                rigid="exact",
+                stability="verlet",
+                use="rigid bars and hinges; long runs keep their energy",
+            ),
+            Integrator(
+                name="rk4-dae",
+                order=4,
+                path=f"{_HERE}.rk4_dae:ConstrainedRK4",
+                stages=4,
+                rigid="exact",
+                stability="rk4",
+                use="rigid bars and hinges, accurately",
+            ),
+            Integrator(
+                name="rk4-projection",
+                order=2,
+                path=f"{_HERE}.rk4_projection:ProjectedRK4",
+                stages=4,
+                rigid="projected",
+                stability="rk4",
+                use="rigid bars and hinges, and hinges with hard stops: the paper's hybrid",
+            ),
+            Integrator(
                 name="rk45",
                 order=5,
                 path=f"{_HERE}.rk45:RK45",
@@ -130,6 +159,14 @@ INTEGRATORS: Mapping[str, Integrator] = MappingProxyType(
                 stages=12,
                 step="adaptive",
                 use="smooth motion to a tolerance of 1e-5 and less; the most exact one",
+            ),
+            Integrator(
+                name="legacy",
+                order=1,
+                path="openprc.demlat.legacy.run:legacy_blocks",
+                stages=4,
+                step="legacy",
+                use="reproducing runs that openprc up to 0.1.1 stored, and nothing else",
             ),
         )
     }

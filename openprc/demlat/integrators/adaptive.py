@@ -1,11 +1,5 @@
 """The loop of schemes that choose their steps: error control, knots, dense output.
 
-The error of a step is measured against the motion: positions against the rms displacement
-since t = 0, velocities against the rms velocity, each the largest so far, at least `QUIET` and
-at most one in the engine's units (which are those of the mean bar and of its vibration), and
-the root mean square over all free coordinates is compared with the tolerance. Neither the place
-of the scene nor its units matter then.
-
 Frames do not cut steps: they are interpolated. Knots of signals do: what jumps there would cost
 the order, and motions that a held signal makes at once are booked as work.
 """
@@ -13,25 +7,39 @@ the order, and motions that a held signal makes at once are booked as work.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.demlat.compiled.jit import jit
-from openprc.demlat.compiled.lanes import load, splat, store
-from openprc.demlat.integrators import Settings
+from openprc.demlat.compiled.jit import chosen_by_type, jit
+from openprc.demlat.integrators import Settings, stepping
 from openprc.demlat.integrators.copying import copy, copy_if_any
 from openprc.demlat.integrators.embedded import (
     Stages,
     Tableau,
+    begin_next,
+    blend_ledger,
+    interpolate,
+    run_stages,
 )
+from openprc.demlat.integrators.error_norm import (
+    FAR,
+    FAST,
+    relative_error,
+    rms_moved,
+    rms_speed,
+    worst_coordinate,
+)
+from openprc.demlat.integrators.knots import knot_after
 from openprc.demlat.integrators.ledger import make_rates
-from openprc.demlat.models.barhinge.drive_kernels import place_driven
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, Body, Reals
+from openprc.errors import Diverged
 
-#: Smallest motion that errors are measured against, in the engine's units.
-QUIET = 1e-3
+if TYPE_CHECKING:
+    from openprc.demlat.models.barhinge.assembly import Assembly
+    from openprc.schema.experiment import Experiment
+
 #: A step is this much smaller than the estimate says, and changes by at most these factors.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 8.0
 #: Exponent of the previous error in the choice of the step (Gustafsson's PI control; Hairer &
@@ -45,9 +53,9 @@ FRAME_SLACK = 1e-12
 MOST_SAMPLES = 10.0
 
 # Entries of the clock.
-TIME, OLD_TIME, STEP, LAST_STEP, LAST_ERROR, FAR, FAST = range(7)
+TIME, OLD_TIME, STEP, LAST_ERROR = range(FAST + 1, FAST + 5)
 # Entries of the counts.
-STEPS, REJECTED, EVALUATIONS, AT_KNOT, FIRST_STAGE, DENSE = range(6)
+STEPS, REJECTED, EVALUATIONS, AT_KNOT, FIRST_STAGE, DENSE, WORST = range(7)
 
 
 class AdaptiveControl(NamedTuple):
@@ -76,13 +84,13 @@ class Adaptive(NamedTuple):
         Scratch of the dense output.
     sums : (6 * LEDGER_STRIDE,)
         Scratch of the error norm.
-    clock : (7,) f8
-        Ends of the last step; next step; length and error of the last one; largest rms
-        displacement and velocity so far.
-    counts : (6,) i8
+    clock : (6,) f8
+        Largest rms displacement and velocity so far; end and start of the last step, next step,
+        error of the last one.
+    counts : (7,) i8
         Accepted and rejected steps, evaluations of all forces; whether the state is at a knot
         not yet crossed, whether the first stage of the next step is known, whether the stages of
-        the dense output are.
+        the dense output are; the coordinate that allowed no step.
     """
 
     table: Tableau
@@ -109,7 +117,8 @@ class Adaptive(NamedTuple):
         stages = Stages(
             pitch=pitch,
             forces=np.zeros(number * pitch, body.mass.dtype),
-            rates=None if rates is None else np.zeros((number, rates.size), rates.dtype),
+            rates=rates,
+            kept=None if rates is None else np.zeros((number, rates.size), rates.dtype),
             x=state[0],
             v=state[1],
             old_x=state[2],
@@ -128,8 +137,8 @@ class Adaptive(NamedTuple):
             start=np.zeros_like(body.mass),
             weights=np.zeros((2, number)),
             sums=np.zeros(6 * LEDGER_STRIDE, body.mass.dtype),
-            clock=np.zeros(7),
-            counts=np.zeros(6, np.int64),
+            clock=np.zeros(6),
+            counts=np.zeros(7, np.int64),
         )
 
     @property
@@ -137,6 +146,20 @@ class Adaptive(NamedTuple):
         """Numbers of accepted steps, of rejected ones, and of evaluations of all forces."""
         names = ("steps", "rejected", "evaluations")
         return {name: int(self.counts[at]) for at, name in enumerate(names)}
+
+    def explain(self, experiment: Experiment, assembly: Assembly, time: float) -> Diverged:
+        """Return what to raise when no step is small enough at `time` [s]."""
+        axis, place = divmod(int(self.counts[WORST]), assembly.packing.stride)
+        node = place // assembly.packing.scenes
+        return Diverged(
+            f"the integrator {experiment.integrator!r} found no step small enough at"
+            f" t = {time:.6g} s for node {node} along {'xyz'[axis]}",
+            expected="forces that are finite and smooth between the knots of the signals",
+            fix="look there for a bar of no length, a panel folded onto its crease or a force"
+            " without bound; or use an integrator with a fixed step, which does not stop for it;"
+            " frames up to then are in the partial file",
+            key="simulation.integrator",
+        )
 
 
 def _longest_step(body: Body) -> float:
@@ -148,89 +171,15 @@ def _longest_step(body: Body) -> float:
 
 
 @jit
-def _sum(sums: Any, row: int) -> float:
-    result = 0.0
-    for lane in range(LEDGER_STRIDE):
-        result += sums[row * LEDGER_STRIDE + lane]
-    return result
-
-
-@jit
-def _add_up(work: Any, body: Any, h: float) -> None:
-    """Sum the squares of two error estimates of x and of v, of displacements and velocities."""
-    table, stages, lanes = work.table, work.stages, body.lanes
-    zero = splat(lanes, 0.0)
-    x1, x2, v1, v2, far, fast = zero, zero, zero, zero, zero, zero
-    count = table.stages + 1 if table.late_error else table.stages
-    for at in range(0, stages.x.size, len(lanes)):
-        ex1, ex2, ev1, ev2 = zero, zero, zero, zero
-        for j in range(count):
-            force = load(lanes, stages.forces, at, j * stages.pitch)
-            ev1 += table.error[0, j] * force
-            ev2 += table.error[1, j] * force
-            ex1 += table.double_error[0, j] * force
-            ex2 += table.double_error[1, j] * force
-        mobility = h * load(lanes, body.inverse_mass, at, 0)
-        ev1 *= mobility
-        ev2 *= mobility
-        mobility *= h
-        ex1 *= mobility
-        ex2 *= mobility
-        x1 += ex1 * ex1
-        x2 += ex2 * ex2
-        v1 += ev1 * ev1
-        v2 += ev2 * ev2
-        moved = load(lanes, stages.x, at, 0) - load(lanes, work.start, at, 0)
-        far += moved * moved
-        u = load(lanes, stages.v, at, 0)
-        fast += u * u
-    store(lanes, work.sums, 0, x1)
-    store(lanes, work.sums, LEDGER_STRIDE, x2)
-    store(lanes, work.sums, 2 * LEDGER_STRIDE, v1)
-    store(lanes, work.sums, 3 * LEDGER_STRIDE, v2)
-    store(lanes, work.sums, 4 * LEDGER_STRIDE, far)
-    store(lanes, work.sums, 5 * LEDGER_STRIDE, fast)
-
-
-@jit
-def _relative_error(work: Any, body: Any, h: float) -> float:
-    """Return the error of the step just tried in units of what is tolerated; may be NaN.
-
-    Two estimates are combined as by Hairer, Norsett & Wanner, sec. II.10; with one of them
-    zero the other is left.
-    """
-    _add_up(work, body, h)
-    free, clock = max(work.free, 1), work.clock
-    far = max(math.sqrt(_sum(work.sums, 4) / free), clock[FAR])
-    fast = max(math.sqrt(_sum(work.sums, 5) / free), clock[FAST])
-    x_unit = work.tolerance * min(max(far, QUIET), 1.0)
-    v_unit = work.tolerance * min(max(fast, QUIET), 1.0)
-    first = _sum(work.sums, 0) / (x_unit * x_unit) + _sum(work.sums, 2) / (v_unit * v_unit)
-    second = _sum(work.sums, 1) / (x_unit * x_unit) + _sum(work.sums, 3) / (v_unit * v_unit)
-    if first == 0.0:
-        return 0.0
-    return first / math.sqrt(2.0 * free * (first + 0.01 * second))
-
-
-@jit
-def _worst(work: Any, body: Any) -> int:
-    """Return the coordinate whose velocity has the largest estimated error."""
-    table, stages = work.table, work.stages
-    worst, largest = 0, -1.0
-    for at in range(stages.x.size):
-        error = 0.0
-        for j in range(table.stages):
-            error += table.error[0, j] * stages.forces[at + j * stages.pitch]
-        error = abs(error * body.inverse_mass[at])
-        if not error <= largest:
-            worst, largest = at, error
-    return worst
+def _run(work: Any, body: Any, start: Any, rows: Any, t: float, t_to: float) -> None:
+    run_stages(work.table, work.stages, body, start, rows, t, t_to - t, t_to)
+    work.counts[EVALUATIONS] += rows[1] - rows[0]
 
 
 @jit
 def _begin_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> None:
     """Have the force at the start of the next step in the first stage."""
-    t, counts = work.clock[TIME], work.counts
+    counts = work.counts
     if counts[AT_KNOT]:
         _cross(work, body, state, energy, control)
     elif not counts[FIRST_STAGE]:
@@ -245,25 +194,9 @@ def _cross(work: Any, body: Any, state: Any, energy: Any, control: Any) -> None:
     t, counts = work.clock[TIME], work.counts
     t_to = min(knot_after(body.drives, t), t + control.frame_time)
     stepping.cross_knot(body, state, energy, t, t_to)
-    evaluate_row(work.stages, body, state.x, state.v, 0, t, t, t_to)
-    counts[EVALUATIONS] += 1
+    _run(work, body, (state.x, state.v), (0, 1), t, t_to)
     counts[AT_KNOT] = 0
     counts[FIRST_STAGE] = 1
-
-
-@jit
-def _try(work: Any, body: Any, x: Any, v: Any, t: float, t_to: float) -> float:
-    """Compute the end of a step; return its relative error."""
-    table, stages = work.table, work.stages
-    last = table.stages
-    count = last + 1 if table.late_error else last
-    for row in range(1, count):
-        stage(table, stages, body, x, v, row, t, t_to - t, t_to)
-    work.counts[EVALUATIONS] += count - 1
-    if not table.late_error:
-        combine(table, stages, body, x, v, last, t_to - t)
-        place_driven(body.drives, stages.x, stages.v, t_to, t, t_to)
-    return _relative_error(work, body, t_to - t)
 
 
 @jit
@@ -275,19 +208,14 @@ def _accept(work: Any, body: Any, state: Any, t: float, t_to: float) -> None:
     copy(lanes, stages.old_v, state.v)
     copy(lanes, state.x, stages.x)
     copy(lanes, state.v, stages.v)
-    if not table.late_error:
-        evaluate_row(stages, body, state.x, state.v, table.stages, t_to, t, t_to)
-        counts[EVALUATIONS] += 1
     copy_if_any(lanes, stages.old_ledger, state.ledger)
     blend_ledger(
-        state.ledger, stages.old_ledger, stages.rates, table.weights[table.stages], t_to - t
+        state.ledger, stages.old_ledger, stages.kept, table.weights[table.stages], t_to - t
     )
-    free = max(work.free, 1)
-    clock[FAR] = max(clock[FAR], math.sqrt(_sum(work.sums, 4) / free))
-    clock[FAST] = max(clock[FAST], math.sqrt(_sum(work.sums, 5) / free))
+    clock[FAR] = max(clock[FAR], rms_moved(work))
+    clock[FAST] = max(clock[FAST], rms_speed(work))
     clock[OLD_TIME] = t
     clock[TIME] = t_to
-    clock[LAST_STEP] = t_to - t
     counts[STEPS] += 1
     counts[FIRST_STAGE] = 0
 
@@ -304,8 +232,8 @@ def _step_end(t: float, h: float, knot: float) -> float:
 def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> int:
     """Take one step with an error below the tolerance; return -1.
 
-    Returns a coordinate when it has left the plausible range, or one plus the number of
-    coordinates when no step is small enough for it.
+    Returns a coordinate when it has left the plausible range, or `FAILED` when no step is small
+    enough.
     """
     clock, counts = work.clock, work.counts
     _begin_step(work, body, state, energy, control)
@@ -317,9 +245,10 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
     while True:
         t_to = _step_end(t, h, knot)
         if t_to - t < LEAST_STEP * max(t, control.frame_time):
-            escaped = stepping.first_escaped(work.stages.x, control.limit)
-            return escaped if escaped >= 0 else state.x.size + _worst(work, body)
-        error = _try(work, body, state.x, state.v, t, t_to)
+            counts[WORST] = worst_coordinate(work, body)
+            return stepping.FAILED
+        _run(work, body, (state.x, state.v), (1, work.table.stages + 1), t, t_to)
+        error = relative_error(work, body, t_to - t)
         if error < 1.0:
             break
         rejected = True
@@ -336,7 +265,7 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
     clock[STEP] = max(proposed, h) if t_to - t < h else proposed
     clock[LAST_ERROR] = now
     counts[AT_KNOT] = 1 if t_to == knot else 0
-    if not math.sqrt(_sum(work.sums, 4)) < 0.5 * control.limit:
+    if not math.sqrt(max(work.free, 1)) * rms_moved(work) < 0.5 * control.limit:
         return stepping.first_escaped(state.x, control.limit)
     return -1
 
@@ -351,8 +280,7 @@ def _start(work: Any, body: Any, state: Any, control: Any) -> None:
     for at in range(state.v.size):
         squares += state.v[at] * state.v[at]
     work.clock[FAST] = math.sqrt(squares / max(work.free, 1))
-    evaluate_row(work.stages, body, state.x, state.v, 0, 0.0, 0.0, control.h)
-    work.counts[EVALUATIONS] = 1
+    _run(work, body, (state.x, state.v), (0, 1), 0.0, control.h)
     work.counts[FIRST_STAGE] = 1
 
 
@@ -362,9 +290,8 @@ def _fill_in(work: Any, body: Any, now: float) -> None:
     table, stages, counts = work.table, work.stages, work.counts
     t, t_to = work.clock[OLD_TIME], work.clock[TIME]
     if not counts[DENSE]:
-        for row in range(table.stages + 1, table.nodes.size):
-            stage(table, stages, body, stages.old_x, stages.old_v, row, t, t_to - t, t_to)
-            counts[EVALUATIONS] += 1
+        rows = (table.stages + 1, table.nodes.size)
+        _run(work, body, (stages.old_x, stages.old_v), rows, t, t_to)
         counts[DENSE] = 1
     interpolate(table, stages, body, work.weights, t, t_to - t, t_to, now)
 
@@ -382,7 +309,7 @@ def _to_time(scheme, body, state, energy, control, frame):
         slack = FRAME_SLACK * target
         while scheme.clock[TIME] < target - slack:
             escaped = take_step(scheme, body, state, energy, control)
-            if escaped >= 0:
+            if escaped != -1:
                 return scheme.clock[TIME], escaped
         if scheme.clock[TIME] > target + slack:
             _fill_in(scheme, body, target)

@@ -22,7 +22,7 @@ from numba import types
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, splat, store
-from openprc.demlat.integrators.copying import copy, copy_if_any
+from openprc.demlat.integrators.copying import copy
 from openprc.demlat.models.barhinge.drive_kernels import place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate
 from openprc.demlat.models.barhinge.tables import Reals
@@ -38,8 +38,6 @@ class Tableau(NamedTuple):
         n; row n of `weights` holds the weights of the step itself.
     error_order : int
         Of the step in the estimated error: it is proportional to its power.
-    late_error : bool
-        Whether the estimate needs the force at the end of the step.
     nodes : (S,)
         Of all stages; after the first n + 1 come those of the dense output.
     weights, double_weights : (S, S)
@@ -54,7 +52,6 @@ class Tableau(NamedTuple):
     order: int
     stages: int
     error_order: int
-    late_error: bool
     nodes: Reals
     weights: Reals
     double_weights: Reals
@@ -96,7 +93,6 @@ class Tableau(NamedTuple):
             order=order,
             stages=stages,
             error_order=error_order,
-            late_error=bool(estimates[:, stages].any()),
             nodes=weights.sum(axis=1),
             weights=weights,
             double_weights=weights @ weights,
@@ -119,7 +115,9 @@ class Stages(NamedTuple):
     pitch : int
         Between the forces of two stages in `forces`.
     forces : (S * pitch,) [N]
-    rates : (S, 5 * LEDGER_STRIDE) [W] or None
+    rates : (5 * LEDGER_STRIDE,) [W] or None
+    kept : (S, 5 * LEDGER_STRIDE) [W] or None
+        Powers of all stages.
     x, v : (K,)
         A stage, and at last the end of the step.
     old_x, old_v, old_ledger
@@ -131,6 +129,7 @@ class Stages(NamedTuple):
     pitch: int
     forces: Reals
     rates: Reals | None
+    kept: Reals | None
     x: Reals
     v: Reals
     old_x: Reals
@@ -142,52 +141,59 @@ class Stages(NamedTuple):
 
 
 @jit
-def combine(table: Any, stages: Any, body: Any, x: Any, v: Any, row: int, h: float) -> None:
-    """Set the stage state to that of `row`, from the forces of the stages before it."""
-    lanes, pitch = body.lanes, stages.pitch
-    ahead = table.nodes[row] * h
-    for at in range(0, x.size, len(lanes)):
-        gain, path = splat(lanes, 0.0), splat(lanes, 0.0)
-        for j in range(row):
-            force = load(lanes, stages.forces, at, j * pitch)
-            gain += table.weights[row, j] * force
-            path += table.double_weights[row, j] * force
-        mobility = h * load(lanes, body.inverse_mass, at, 0)
-        start = load(lanes, v, at, 0)
-        store(lanes, stages.v, at, start + mobility * gain)
-        store(lanes, stages.x, at, load(lanes, x, at, 0) + ahead * start + h * mobility * path)
+def weighted_sums(
+    stages: Any, lanes: Any, weights: Any, double: Any, row: int, count: int, at: int
+) -> Any:
+    """Return the weighted sums of forces of one vector of coordinates."""
+    gain, path = splat(lanes, 0.0), splat(lanes, 0.0)
+    for j in range(count):
+        force = load(lanes, stages.forces, at, j * stages.pitch)
+        gain += weights[row, j] * force
+        path += double[row, j] * force
+    return gain, path
 
 
-def rates_of(rates: Any, row: int) -> Any:
-    """Return a row of the powers, or None where none are kept."""
+def keep_rates(lanes: Any, kept: Any, row: int, rates: Any) -> None:
+    """Keep the powers of a stage, if there are any."""
 
 
-@chosen_by_type(rates_of)
-def _rates_of(rates, row):
+@chosen_by_type(keep_rates)
+def _keep_rates(lanes, kept, row, rates):
     if isinstance(rates, types.NoneType):
-        return lambda rates, row: None
-    return lambda rates, row: rates[row]
+        return lambda lanes, kept, row, rates: None
+    return lambda lanes, kept, row, rates: copy(lanes, kept[row], rates)
 
 
 @jit
-def evaluate_row(
-    stages: Any, body: Any, x: Any, v: Any, row: int, t: float, t_from: float, t_to: float
+def run_stages(
+    table: Any, stages: Any, body: Any, start: Any, rows: Any, t: float, h: float, t_to: float
 ) -> None:
-    """Set forces and powers of a stage to those at a state."""
-    first = row * stages.pitch
-    force = stages.forces[first : first + x.size]
-    evaluate(body, x, v, force, rates_of(stages.rates, row), t, t_from, t_to)
+    """Compute the stages `rows`, from first to before last, of a step from `start` at `t`.
 
-
-@jit
-def stage(
-    table: Any, stages: Any, body: Any, x: Any, v: Any, row: int, t: float, h: float, t_to: float
-) -> None:
-    """Go to the stage `row` of a step from (x, v) at `t`, and evaluate the forces there."""
-    combine(table, stages, body, x, v, row, h)
-    now = t_to if row == table.stages else t + table.nodes[row] * h
-    place_driven(body.drives, stages.x, stages.v, now, t, t_to)
-    evaluate_row(stages, body, stages.x, stages.v, row, now, t, t_to)
+    `start` is (x, v). The stage state is that of the last one then.
+    """
+    # All in one loop: functions that return sums of vectors, or are called with all these
+    # tables for each stage, take half of the time that the forces take.
+    x, v = start
+    lanes, pitch = body.lanes, stages.pitch
+    for row in range(rows[0], rows[1]):
+        ahead = table.nodes[row] * h
+        for at in range(0, x.size, len(lanes)):
+            gain, path = splat(lanes, 0.0), splat(lanes, 0.0)
+            for j in range(row):
+                force = load(lanes, stages.forces, at, j * pitch)
+                gain += table.weights[row, j] * force
+                path += table.double_weights[row, j] * force
+            mobility = h * load(lanes, body.inverse_mass, at, 0)
+            first = load(lanes, v, at, 0)
+            store(lanes, stages.v, at, first + mobility * gain)
+            moved = ahead * first + h * mobility * path
+            store(lanes, stages.x, at, load(lanes, x, at, 0) + moved)
+        now = t_to if row == table.stages else t + ahead
+        place_driven(body.drives, stages.x, stages.v, now, t, t_to)
+        result = stages.forces[row * pitch : row * pitch + x.size]
+        evaluate(body, stages.x, stages.v, result, stages.rates, now, t, t_to)
+        keep_rates(body.lanes, stages.kept, row, stages.rates)
 
 
 def blend_ledger(target: Any, source: Any, rates: Any, weights: Any, h: float) -> None:
@@ -201,11 +207,12 @@ def _blend_ledger(target, source, rates, weights, h):
 
     def blend(target, source, rates, weights, h):
         for at in range(rates.shape[1]):
-            gain = 0.0
-            for j in range(rates.shape[0]):
-                if weights[j] != 0.0:
-                    gain += weights[j] * rates[j, at]
-            target[at] = source[at] + h * gain
+            target[at] = source[at]
+        for j in range(rates.shape[0]):
+            share = h * weights[j]
+            if share != 0.0:
+                for at in range(rates.shape[1]):
+                    target[at] += share * rates[j, at]
 
     return blend
 
@@ -215,9 +222,18 @@ def begin_next(table: Any, stages: Any, body: Any, size: int) -> None:
     """Make the force at the end of the last step that of the first stage."""
     last = table.stages * stages.pitch
     copy(body.lanes, stages.forces[:size], stages.forces[last : last + size])
-    copy_if_any(
-        body.lanes, rates_of(stages.rates, 0), rates_of(stages.rates, table.stages)
-    )
+    copy_row(body.lanes, stages.kept, table.stages)
+
+
+def copy_row(lanes: Any, kept: Any, row: int) -> None:
+    """Make the powers of a stage those of the first one, if there are any."""
+
+
+@chosen_by_type(copy_row)
+def _copy_row(lanes, kept, row):
+    if isinstance(kept, types.NoneType):
+        return lambda lanes, kept, row: None
+    return lambda lanes, kept, row: copy(lanes, kept[0], kept[row])
 
 
 @jit
@@ -244,17 +260,13 @@ def interpolate(
         for j in range(weights.shape[1]):
             weights[0, j] += basis * table.dense[row, j]
             weights[1, j] += basis * table.double_dense[row, j]
-    lanes, pitch = body.lanes, stages.pitch
+    a, b, lanes = weights[0:1], weights[1:2], body.lanes
     for at in range(0, stages.x.size, len(lanes)):
-        gain, path = splat(lanes, 0.0), splat(lanes, 0.0)
-        for j in range(weights.shape[1]):
-            force = load(lanes, stages.forces, at, j * pitch)
-            gain += weights[0, j] * force
-            path += weights[1, j] * force
+        gain, path = weighted_sums(stages, lanes, a, b, 0, weights.shape[1], at)
         mobility = h * load(lanes, body.inverse_mass, at, 0)
         start = load(lanes, stages.old_v, at, 0)
         store(lanes, stages.out_v, at, start + mobility * gain)
-        first = load(lanes, stages.old_x, at, 0)
-        store(lanes, stages.out_x, at, first + s * h * start + h * mobility * path)
+        moved = s * h * start + h * mobility * path
+        store(lanes, stages.out_x, at, load(lanes, stages.old_x, at, 0) + moved)
     place_driven(body.drives, stages.out_x, stages.out_v, now, t, t_to)
-    blend_ledger(stages.out_ledger, stages.old_ledger, stages.rates, weights[0], h)
+    blend_ledger(stages.out_ledger, stages.old_ledger, stages.kept, weights[0], h)

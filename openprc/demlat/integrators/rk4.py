@@ -77,9 +77,9 @@ def _last(work: Any, body: Any, x: Any, v: Any, weight: float) -> None:
         add(lanes, v, at, 0, load(lanes, work.sum_v, at, 0) + weight * slope_v)
 
 
-@jit
-def rk4_step(work: Any, body: Any, state: Any, t: float, h: float) -> None:
+def rk4_step(scheme: Any, body: Any, state: Any, t: float, h: float) -> None:
     """Advance `state` in place from `t` to ``t + h``."""
+    work = scheme
     # Stages are a loop, so that the forces are compiled into it once.
     for stage in range(4):
         stage_t = t + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
@@ -100,6 +100,4 @@ def rk4_step(work: Any, body: Any, state: Any, t: float, h: float) -> None:
 
 @chosen_by_type(stepping.step)
 def _step(scheme, body, state, t, h):
-    if scheme.instance_class is not RK4:
-        return None
-    return lambda scheme, body, state, t, h: rk4_step(scheme, body, state, t, h)
+    return rk4_step if scheme.instance_class is RK4 else None

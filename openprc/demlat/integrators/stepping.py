@@ -16,8 +16,17 @@ from openprc.demlat.compiled.jit import chosen_by_type, entry, jit
 from openprc.demlat.contact.hook import OVERFULL, collide, remember
 from openprc.demlat.models.barhinge.drive_kernels import driven_energy, jumps_at, place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import observe
+from openprc.demlat.models.barhinge.rigid_elements import (
+    begin_rigid,
+    find_reactions,
+    is_constrained,
+    observe_rigid,
+    take_impact,
+)
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, WORK_IN
 
+#: What stands in the place of an escaped coordinate when the scheme could not take a step.
+FAILED = -3
 #: Steps between two looks at whether a coordinate is still a plausible number.
 GUARD_INTERVAL = 100
 
@@ -32,6 +41,17 @@ def to_time(scheme: Any, body: Any, state: Any, energy: Any, control: Any, frame
 
 def output(scheme: Any, state: Any, control: Any, frame: int) -> Any:
     """Return the positions, velocities and ledger of `frame`, to be saved."""
+
+
+def failed(scheme: Any, body: Any) -> bool:
+    """Say whether the last step could not be taken; for schemes with the mark ``can_fail``."""
+
+
+@chosen_by_type(failed)
+def _never_fails(scheme, body):
+    if getattr(scheme.instance_class, "can_fail", False):
+        return None
+    return lambda scheme, body: False
 
 
 @jit
@@ -63,13 +83,14 @@ def cross_knot(body: Any, state: Any, energy: Any, t: float, t_to: float) -> Non
     """Hand driven coordinates over to the segments that begin at `t`.
 
     A held signal moves its coordinates at once; the elastic energy that this takes or gives is
-    the actuator's work. Where no energies are kept, `energy` is None.
+    the actuator's work. Where no energies are kept, `energy` is None. Scenes with constraints
+    have no such jumps.
     """
 
 
 @chosen_by_type(cross_knot)
 def _cross_knot(body, state, energy, t, t_to):
-    if isinstance(energy, types.NoneType):
+    if isinstance(energy, types.NoneType) or is_constrained(body):
 
         def place_only(body, state, energy, t, t_to):
             place_driven(body.drives, state.x, state.v, t, t, t_to)
@@ -89,35 +110,12 @@ def _cross_knot(body, state, energy, t, t_to):
 
 
 @jit
-def fixed_steps(
-    scheme: Any, body: Any, state: Any, energy: Any, number: int, count: int, h: float, limit: float
-) -> Any:
-    """Take `count` steps beginning with step `number`; return (steps taken, escaped).
-
-    Escaped is -1, a coordinate, or `OVERFULL` where contacts had no room.
-    """
-    for done in range(count):
-        # From the count of steps: adding up h would drift.
-        t = (number + done) * h
-        remember(body.contacts, state)
-        step(scheme, body, state, t, h)
-        if collide(scheme, body, state, h):
-            return done + 1, OVERFULL
-        if (number + done) % GUARD_INTERVAL == 0 or done == count - 1:
-            escaped = first_escaped(state.x, limit)
-            if escaped >= 0:
-                return done + 1, escaped
-        t = (number + done + 1) * h
-        cross_knot(body, state, energy, t, t + h)
-    return count, -1
-
-
-@jit
 def save_frame(
     body: Any, x: Any, v: Any, ledger: Any, energy: Any, scale: Any, row: int, buffer: Any
 ) -> None:
     """Copy the state and what is derived from it into a row of the frame buffer."""
     observe(body, x, v, energy)
+    observe_rigid(body, x)
     length, velocity, force, moment, joule = scale
     for a in range(len(body.space)):
         for n in range(buffer.x.shape[1]):
@@ -152,14 +150,34 @@ def _fixed(scheme, body, state, energy, control, frame):
     if control.instance_class is not FixedControl:
         return None
 
-    def run(scheme, body, state, energy, control, frame):
-        number, count = frame * control.steps_per_frame, control.steps_per_frame
-        taken, escaped = fixed_steps(
-            scheme, body, state, energy, number, count, control.h, control.limit
-        )
-        return (number + taken) * control.h, escaped
+    return take_fixed_steps
 
-    return run
+
+def take_fixed_steps(scheme, body, state, energy, control, frame):
+    """Take the steps from `frame` to the next one.
+
+    Returns the time, and -1 or what stopped the run: a coordinate that left the plausible
+    range, `OVERFULL` where contacts had no room, or `FAILED`.
+    """
+    number, count, h = frame * control.steps_per_frame, control.steps_per_frame, control.h
+    for done in range(count):
+        # From the count of steps: adding up h would drift.
+        t = (number + done) * h
+        remember(body.contacts, state)
+        step(scheme, body, state, t, h)
+        t = (number + done + 1) * h
+        if collide(scheme, body, state, h):
+            return t, OVERFULL
+        if failed(scheme, body):
+            return t, FAILED
+        if (number + done) % GUARD_INTERVAL == 0 or done == count - 1:
+            escaped = first_escaped(state.x, control.limit)
+            if escaped >= 0:
+                return t, escaped
+        cross_knot(body, state, energy, t, t + h)
+        take_impact(body, state)
+    find_reactions(body, state, (number + count) * h, h)
+    return (number + count) * h, -1
 
 
 @chosen_by_type(output)
@@ -170,38 +188,31 @@ def _state_itself(scheme, state, control, frame):
 
 
 @entry
-def begin(stamp: int) -> Any:
-    """``begin(body, state, energy, h, scale, buffer)``.
-
-    Put driven coordinates in place and save the frame t = 0 in row 0 of `buffer`.
-    """
-
-    def begin(body, state, energy, h, scale, buffer):
-        _ = stamp
-        place_driven(body.drives, state.x, state.v, 0.0, 0.0, h)
-        driven_energy(body.drives, state.v, state.ledger, -1.0)
-        save_frame(body, state.x, state.v, state.ledger, energy, scale, 0, buffer)
-
-    return begin
-
-
-@entry
 def advance(stamp: int) -> Any:
     """``advance(scheme, body, state, energy, control, first, count, scale, buffer)``.
 
-    Step through `count` frames after frame `first`, filling `buffer`. Returns the number of
-    frames done, -1 and 0; or also the coordinate that left the plausible range, and the time
-    at which it was seen to have done so.
+    Step through `count` frames after frame `first`, filling `buffer`. With ``first = -1`` the
+    first one is t = 0, for which driven coordinates are put in place. Returns the number of
+    frames done, -1 and 0; or also the coordinate that left the plausible range (or what else
+    `fixed_steps` says), and the time at which it was seen to have done so.
     """
 
     def advance(scheme, body, state, energy, control, first, count, scale, buffer):
         _ = stamp
-        for frame in range(count):
-            reached, escaped = to_time(scheme, body, state, energy, control, first + frame)
-            if escaped != -1:
-                return frame, escaped, reached
-            x, v, ledger = output(scheme, state, control, first + frame + 1)
-            save_frame(body, x, v, ledger, energy, scale, frame, buffer)
+        for row in range(count):
+            frame = first + row
+            x, v, ledger = state.x, state.v, state.ledger
+            if frame < 0:
+                place_driven(body.drives, x, v, 0.0, 0.0, control.h)
+                begin_rigid(body, state)
+                driven_energy(body.drives, v, ledger, -1.0)
+            else:
+                reached, escaped = to_time(scheme, body, state, energy, control, frame)
+                if escaped != -1:
+                    return row, escaped, reached
+                x, v, ledger = output(scheme, state, control, frame + 1)
+            find_reactions(body, state, (frame + 1) * control.frame_time, control.h)
+            save_frame(body, x, v, ledger, energy, scale, row, buffer)
         return count, -1, 0.0
 
     return advance
@@ -237,10 +248,7 @@ def advance_scenes(stamp: int) -> Any:
             row = 1
             first = 0
         for frame in range(count - row):
-            number = (first + frame) * control.steps_per_frame
-            fixed_steps(
-                scheme, body, state, None, number, control.steps_per_frame, control.h, math.inf
-            )
+            to_time(scheme, body, state, None, control, first + frame)
             save_scenes(body, state.x, state.v, scale, row + frame, buffer)
 
     return advance_scenes

@@ -12,6 +12,12 @@ from openprc.demlat.compiled.packing import Blocks
 from openprc.demlat.compiled.scene_packing import Packing
 from openprc.demlat.contact.table import ContactTable, contact_tables
 from openprc.demlat.models.barhinge.drive_table import drive_table
+from openprc.demlat.models.barhinge.rigid_assembly import (
+    RigidScene,
+    knows_constraints,
+    rigid_elements,
+    rigid_scene,
+)
 from openprc.demlat.models.barhinge.tables import (
     LEDGER,
     LEDGER_STRIDE,
@@ -62,6 +68,8 @@ class Assembly:
         Added to saved positions; 0 unless in displacement form.
     reference_work : float [J]
         What gravity does on the way from the origin to `reference`, in the first scene.
+    rigid : RigidScene, optional
+        Where the integrator keeps constraints.
     """
 
     body: Body
@@ -70,6 +78,7 @@ class Assembly:
     scaler: SimulationScaler
     reference: Reals
     reference_work: float
+    rigid: RigidScene | None = None
 
 
 def assemble(
@@ -98,7 +107,9 @@ def assemble(
     """
     first = experiments[0]
     geometry = first.geometry
-    n_elements = len(geometry.bars) + len(geometry.hinges)
+    n_elements = int((~geometry.bars.rigid).sum() + (~geometry.hinges.rigid).sum())
+    if knows_constraints(first):
+        dims = 3
     single = first.precision == "float32"
     if vectors is None:
         vectors = n_elements >= LEAST_ELEMENTS or len(experiments) > 1 or single
@@ -127,6 +138,10 @@ class _Assembler:
         # All small scenes share one compiled loop, so nothing is left out of them.
         self.lean = len(packing.lanes) > 1
         self.held = np.array([e.held_axes for e in experiments])
+        self.rigid = None
+        if knows_constraints(self.first):
+            self.rigid = rigid_scene(self.first, packing.stride)
+            self.positions = self.rigid.positions[np.newaxis]
 
     def column(self, kind: str, name: str, unit: float = 1.0) -> Reals:
         """Return a parameter of bars or hinges of every scene, scaled: (S, E)."""
@@ -164,7 +179,7 @@ class _Assembler:
                 optional=self.lean,
             ),
             contacts=self._contacts(reals(inverse)),
-            constraints=None,
+            constraints=rigid_elements(self.first, self.rigid, scale) if self.rigid else None,
             mass=reals(masses[:, :, np.newaxis] * ones),
             full_weight=reals(weight),
             scratch=(
@@ -179,7 +194,7 @@ class _Assembler:
             ledger=np.zeros(len(LEDGER) * LEDGER_STRIDE, packing.dtype) if ledger else None,
         )
         falling = float((weight[0] * self.reference[0]).sum()) / scale.length * scale.moment
-        return Assembly(body, state, packing, scale, self.reference, falling)
+        return Assembly(body, state, packing, scale, self.reference, falling, self.rigid)
 
     def _contacts(self, inverse_mass: Reals) -> tuple[ContactTable, ...]:
         if len(self.experiments) > 1:
@@ -251,6 +266,9 @@ class _Assembler:
         }
         low, high = self.column("hinges", "limit_low"), self.column("hinges", "limit_high")
         walls = {
+            "sine": np.zeros_like(rest),
+            "cosine": np.ones_like(rest),
+            "rest_bend": rest,
             "low": low - np.pi - rest,
             "high": high - np.pi - rest,
             "low_room": low,

@@ -103,13 +103,11 @@ def _measure_bar(group: Any, p: int, dx: Any, dy: Any, dz: Any) -> Any:
     return displaced
 
 
-@jit
 def _linear(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     force, loss = damp(group.lanes, group.damping, p, rate)
     return linear_tension(stretch, load(group.lanes, group.stiffness, p, 0)) + force, loss
 
 
-@jit
 def _cubic(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     lanes = group.lanes
     force, loss = damp(lanes, group.damping, p, rate)
@@ -120,7 +118,6 @@ def _cubic(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     return spring + force + more, loss + more * rate
 
 
-@jit
 def _cable(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     force, loss = damp(group.lanes, group.damping, p, rate)
     on = engaged(stretch)
@@ -128,7 +125,6 @@ def _cable(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     return spring + on * force, on * loss
 
 
-@jit
 def _strut(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     force, loss = damp(group.lanes, group.damping, p, rate)
     on = engaged(-stretch)
@@ -136,7 +132,6 @@ def _strut(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     return spring + on * force, on * loss
 
 
-@jit
 def _ogden(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     force, loss = damp(group.lanes, group.damping, p, rate)
     spring = ogden_tension(
@@ -145,12 +140,10 @@ def _ogden(group: Any, p: int, stretch: Any, rate: Any) -> Any:
     return spring + force, loss
 
 
-@jit
 def _linear_energy(group: Any, p: int, stretch: Any) -> Any:
     return linear_energy(stretch, load(group.lanes, group.stiffness, p, 0))
 
 
-@jit
 def _cubic_energy(group: Any, p: int, stretch: Any) -> Any:
     lanes = group.lanes
     return cubic_energy(
@@ -158,17 +151,14 @@ def _cubic_energy(group: Any, p: int, stretch: Any) -> Any:
     )
 
 
-@jit
 def _cable_energy(group: Any, p: int, stretch: Any) -> Any:
     return linear_energy(taut(stretch), load(group.lanes, group.stiffness, p, 0))
 
 
-@jit
 def _strut_energy(group: Any, p: int, stretch: Any) -> Any:
     return linear_energy(pressed(stretch), load(group.lanes, group.stiffness, p, 0))
 
 
-@jit
 def _ogden_energy(group: Any, p: int, stretch: Any) -> Any:
     return ogden_energy(
         stretch, load(group.lanes, group.stiffness, p, 0), load(group.lanes, group.relaxed, p, 0)
@@ -197,8 +187,7 @@ def tension_and_loss(group: Any, p: int, stretch: Any, rate: Any) -> Any:
 
 @chosen_by_type(tension_and_loss)
 def _tension_and_loss(group: Any, p: int, stretch: Any, rate: Any) -> Any:
-    law = _TENSION[group.instance_class]
-    return lambda group, p, stretch, rate: law(group, p, stretch, rate)
+    return _TENSION[group.instance_class]
 
 
 def stored_energy(group: Any, p: int, stretch: Any) -> Any:
@@ -207,8 +196,7 @@ def stored_energy(group: Any, p: int, stretch: Any) -> Any:
 
 @chosen_by_type(stored_energy)
 def _stored_energy(group: Any, p: int, stretch: Any) -> Any:
-    law = _ENERGY[group.instance_class]
-    return lambda group, p, stretch: law(group, p, stretch)
+    return _ENERGY[group.instance_class]
 
 
 # --- loops --------------------------------------------------------------------------------
@@ -236,7 +224,6 @@ def push(
         add(lanes, force, at, 2 * stride, fz)
 
 
-@jit
 def add_springs(
     group: Any, space: Any, stride: int, x: Any, v: Any, force: Any, rates: Any
 ) -> None:
@@ -259,7 +246,6 @@ def add_springs(
     keep(lanes, rates, BARS * LEDGER_STRIDE, lost)
 
 
-@jit
 def add_printed_dampers(
     group: Any, space: Any, stride: int, x: Any, v: Any, force: Any, rates: Any
 ) -> None:
@@ -287,12 +273,7 @@ def add_bars(group: Any, space: Any, stride: int, x: Any, v: Any, force: Any, ra
 
 @chosen_by_type(add_bars)
 def _add_bars(group: Any, space: Any, stride: int, x: Any, v: Any, force: Any, rates: Any) -> Any:
-    loop = add_printed_dampers if group.instance_class is PrintedDampers else add_springs
-
-    def run(group, space, stride, x, v, force, rates):
-        loop(group, space, stride, x, v, force, rates)
-
-    return run
+    return add_printed_dampers if group.instance_class is PrintedDampers else add_springs
 
 
 @jit

@@ -53,7 +53,6 @@ def acceleration(table: Any, column: int, t: float, t_from: float, t_to: float) 
     return result / (dt * dt)
 
 
-@jit
 def _place(drives: Any, x: Any, v: Any, t: float, t_from: float, t_to: float) -> None:
     for d in range(drives.motion_at.size):
         at = drives.motion_at[d]
@@ -62,7 +61,6 @@ def _place(drives: Any, x: Any, v: Any, t: float, t_from: float, t_to: float) ->
         v[at] = rate
 
 
-@jit
 def _actuate(
     drives: Any, v: Any, force: Any, rates: Any, t: float, t_from: float, t_to: float
 ) -> None:
@@ -115,7 +113,7 @@ def place_driven(drives: Any, x: Any, v: Any, t: float, t_from: float, t_to: flo
 def _place_driven(drives, x, v, t, t_from, t_to):
     if isinstance(drives, types.NoneType):
         return lambda drives, x, v, t, t_from, t_to: None
-    return lambda drives, x, v, t, t_from, t_to: _place(drives, x, v, t, t_from, t_to)
+    return _place
 
 
 def actuate(
@@ -128,9 +126,7 @@ def actuate(
 def _actuate_if_any(drives, v, force, rates, t, t_from, t_to):
     if isinstance(drives, types.NoneType):
         return lambda drives, v, force, rates, t, t_from, t_to: None
-    return lambda drives, v, force, rates, t, t_from, t_to: _actuate(
-        drives, v, force, rates, t, t_from, t_to
-    )
+    return _actuate
 
 
 def jumps_at(drives: Any, x: Any, t: float, t_to: float) -> bool:

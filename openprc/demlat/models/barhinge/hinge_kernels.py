@@ -36,12 +36,10 @@ def stored_energy(group: Any, p: int, difference: Any) -> Any:
     """Return the elastic energy [J] of block `p` by the group's law."""
 
 
-@jit
 def _linear(group: Any, p: int, difference: Any) -> Any:
     return hinge_moment(difference, load(group.lanes, group.stiffness, p, 0))
 
 
-@jit
 def _linear_energy(group: Any, p: int, difference: Any) -> Any:
     return hinge_energy(difference, load(group.lanes, group.stiffness, p, 0))
 
@@ -58,14 +56,12 @@ def _beyond(group: Any, p: int, difference: Any) -> Any:
     return excess, select(over > 0.0, high_room, low_room)
 
 
-@jit
 def _walled(group: Any, p: int, difference: Any) -> Any:
     excess, room = _beyond(group, p, difference)
     stiffness = load(group.lanes, group.stiffness, p, 0)
     return hinge_moment(difference, stiffness) + wall_moment(excess, stiffness, room)
 
 
-@jit
 def _walled_energy(group: Any, p: int, difference: Any) -> Any:
     excess, room = _beyond(group, p, difference)
     stiffness = load(group.lanes, group.stiffness, p, 0)
@@ -74,14 +70,27 @@ def _walled_energy(group: Any, p: int, difference: Any) -> Any:
 
 @chosen_by_type(spring_moment)
 def _spring_moment(group: Any, p: int, difference: Any) -> Any:
-    law = {LinearHinges: _linear, WalledHinges: _walled}[group.instance_class]
-    return lambda group, p, difference: law(group, p, difference)
+    return {LinearHinges: _linear, WalledHinges: _walled}[group.instance_class]
 
 
 @chosen_by_type(stored_energy)
 def _stored_energy(group: Any, p: int, difference: Any) -> Any:
-    law = {LinearHinges: _linear_energy, WalledHinges: _walled_energy}[group.instance_class]
-    return lambda group, p, difference: law(group, p, difference)
+    return {LinearHinges: _linear_energy, WalledHinges: _walled_energy}[group.instance_class]
+
+
+def from_rest(group: Any, p: int, turned: Any) -> Any:
+    """Return bend minus rest bend of block `p`.
+
+    A linear hinge has turned it back already, and means the shorter way round. One with walls
+    cannot go through shut, so for it the way there is the way it came.
+    """
+
+
+@chosen_by_type(from_rest)
+def _from_rest(group, p, turned):
+    if group.instance_class is LinearHinges:
+        return lambda group, p, turned: turned
+    return lambda group, p, turned: turned - load(group.lanes, group.rest_bend, p, 0)
 
 
 # --- geometry -----------------------------------------------------------------------------
@@ -148,7 +157,7 @@ def frame(group: Any, space: Any, stride: int, x: Any, p: int, places: Any) -> A
         load(lanes, group.sine, p, 0),
         load(lanes, group.cosine, p, 0),
     )
-    change = arctangent(away, along)
+    change = from_rest(group, p, arctangent(away, along))
     si = crease / (mx * mx + my * my + mz * mz + TINY)
     sl = -crease / (nx * nx + ny * ny + nz * nz + TINY)
     inverse = 1.0 / bb

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from openprc.demlat.backends.choose import Choice, choose_backend
 from openprc.demlat.integrators import Settings, find_integrator
-from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
+from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
 from openprc.demlat.stability import step_limit
 from openprc.errors import ConfigError, Diverged
@@ -58,8 +60,12 @@ class BarHingeModel:
     def remarks(self) -> Iterator[str]:
         """Yield what a reader of the result should know."""
         yield from remarks(self.experiment)
-        if self.backend in ("cuda", "jax"):
-            yield f"there is no {self.backend!r} backend: the run used the compiled cpu backend"
+        yield from self.choice.reasons
+
+    @cached_property
+    def choice(self) -> Choice:
+        """The back end that runs the experiment, and why."""
+        return choose_backend(self.experiment, self.backend)
 
     def blocks(self) -> Iterator[tuple[int, FrameBuffer]]:
         """Integrate, yielding (number of the first frame, block of frames).
@@ -73,9 +79,22 @@ class BarHingeModel:
             have been yielded.
         """
         # Compiled code is loaded when something runs, not when an experiment is built.
+        if self.choice.name == "cuda":
+            from openprc.demlat.backends.cuda_run import cuda_blocks  # noqa: PLC0415
+
+            yield from cuda_blocks(self.experiment)
+            return
+        if self.choice.name == "jax":
+            from openprc.demlat.backends.jax_run import jax_blocks  # noqa: PLC0415
+
+            yield from jax_blocks(self.experiment)
+            return
+        if self.integrator.step == "legacy":
+            yield from self.integrator.load()(self.experiment)
+            return
         from openprc.demlat.contact.hook import OVERFULL  # noqa: PLC0415
         from openprc.demlat.contact.table import Rewind  # noqa: PLC0415
-        from openprc.demlat.integrators.stepping import advance, begin  # noqa: PLC0415
+        from openprc.demlat.integrators.stepping import FAILED, advance  # noqa: PLC0415
         from openprc.demlat.models.barhinge.assembly import assemble  # noqa: PLC0415
 
         experiment = self.experiment
@@ -86,7 +105,7 @@ class BarHingeModel:
         body, state, scale = assembly.body, assembly.state, assembly.scaler.output
         energy = np.zeros(4 * LEDGER_STRIDE, body.mass.dtype)
         out = self._buffer(assembly)
-        begin(body, state, energy, settings.h, scale, out)
+        advance(scheme, body, state, energy, control, -1, 1, scale, out)
         yield 0, self._finished(assembly, out, 1)
         frame = 0
         while frame < experiment.n_frames - 1:
@@ -100,6 +119,8 @@ class BarHingeModel:
                 continue
             if done:
                 yield frame + 1, self._finished(assembly, out, done)
+            if escaped == FAILED:
+                raise scheme.explain(experiment, assembly, time * assembly.scaler.time)
             if escaped >= 0:
                 raise self._diverged(assembly, escaped, time * assembly.scaler.time)
             frame += done

@@ -77,6 +77,11 @@ class RigidElements(NamedTuple):
     status: Reals
 
 
+def is_constrained(body: Any) -> bool:
+    """Say, given the numba type of a body, whether its scheme keeps constraints."""
+    return not isinstance(body.types[body.fields.index("constraints")], types.NoneType)
+
+
 # --- projections ----------------------------------------------------------------------------
 
 
@@ -153,7 +158,15 @@ def _place_accelerations(drives, out, t, t_from, t_to):
 
 @jit
 def solve_multipliers(
-    rigid: Any, body: Any, x: Any, v: Any, force: Any, out: Any, t: float, t_from: float, t_to: float
+    rigid: Any,
+    body: Any,
+    x: Any,
+    v: Any,
+    force: Any,
+    out: Any,
+    t: float,
+    t_from: float,
+    t_to: float,
 ) -> None:
     """Set `out` to the accelerations without the constraints, and find the multipliers."""
     for at in range(out.size):
@@ -223,7 +236,7 @@ def begin_rigid(body: Any, state: Any) -> None:
 
 @chosen_by_type(begin_rigid)
 def _begin_rigid(body, state):
-    if _has_none(body):
+    if not is_constrained(body):
         return lambda body, state: None
 
     def run(body, state):
@@ -242,7 +255,7 @@ def take_impact(body: Any, state: Any) -> None:
 
 @chosen_by_type(take_impact)
 def _take_impact(body, state):
-    if _has_none(body):
+    if not is_constrained(body):
         return lambda body, state: None
 
     def run(body, state):
@@ -261,7 +274,7 @@ def failed_row(body: Any) -> int:
 
 @chosen_by_type(failed_row)
 def _failed_row(body):
-    if _has_none(body):
+    if not is_constrained(body):
         return lambda body: -1
     return lambda body: int(body.constraints.status[FAILED_ROW])
 
@@ -279,7 +292,7 @@ def find_reactions(body: Any, state: Any, t: float, h: float) -> None:
 
 @chosen_by_type(find_reactions)
 def _find_reactions(body, state, t, h):
-    if _has_none(body):
+    if not is_constrained(body):
         return lambda body, state, t, h: None
 
     def run(body, state, t, h):
@@ -301,7 +314,7 @@ def observe_rigid(body: Any, x: Any) -> None:
 
 @chosen_by_type(observe_rigid)
 def _observe_rigid(body, x):
-    if _has_none(body):
+    if not is_constrained(body):
         return lambda body, x: None
 
     def run(body, x):
@@ -321,7 +334,3 @@ def _observe_rigid(body, x):
             body.scratch[2][rigid.hinge[b]] = wrap_angle(parts[0] - rest)
 
     return run
-
-
-def _has_none(body: Any) -> bool:
-    return isinstance(body.types[body.fields.index("constraints")], types.NoneType)

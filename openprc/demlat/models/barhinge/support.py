@@ -9,6 +9,7 @@ import numpy as np
 
 from openprc.demlat.contact.findings import contact_refusals, contact_remarks
 from openprc.demlat.integrators import INTEGRATORS
+from openprc.demlat.legacy.findings import LEGACY, legacy_refusals, legacy_remarks
 from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
 from openprc.demlat.stability import is_surely_sound, step_limit
 from openprc.schema.findings import Finding
@@ -64,6 +65,8 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
                 " soft ones",
             )
     yield from contact_refusals(experiment)
+    if experiment.integrator == LEGACY:
+        yield from legacy_refusals(experiment)
     if experiment.integrator not in INTEGRATORS:
         yield Finding(
             code="DEM-INTEGRATOR",
@@ -136,6 +139,8 @@ def remarks(experiment: Experiment) -> Iterator[str]:
     yield from experiment.notes
     yield from _step_remarks(experiment)
     yield from contact_remarks(experiment)
+    if experiment.integrator == LEGACY:
+        yield from legacy_remarks(experiment)
     step = experiment.save_interval / experiment.steps_per_frame
     for name in dict.fromkeys(actuator.signal for actuator in experiment.actuators):
         signal = experiment.signals[name]

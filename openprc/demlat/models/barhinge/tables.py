@@ -151,6 +151,10 @@ class WalledHinges(NamedTuple):
 
     Attributes
     ----------
+    sine, cosine : (B * width,)
+        0 and 1: the bend itself is measured.
+    rest_bend : (B * width,) [rad]
+        In [-pi, pi].
     low, high : (B * width,) [rad]
         Limits of the bend minus the rest bend.
     low_room, high_room : (B * width,) [rad]
@@ -168,6 +172,7 @@ class WalledHinges(NamedTuple):
     cosine: Reals
     damping: Reals | None
     offset: tuple[Reals, ...] | None
+    rest_bend: Reals
     low: Reals
     high: Reals
     low_room: Reals
