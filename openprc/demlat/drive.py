@@ -76,14 +76,15 @@ class Drive:
         return name
 
     def scaled(self, factor: float) -> Drive:
-        """Return this drive times `factor`; the symbols stay as they are."""
-        return replace(self, values=self.values * factor)
+        """Return this drive, and its symbols, times `factor`."""
+        symbols = None if self.sequence is None else self.sequence * factor
+        return replace(self, values=self.values * factor, sequence=symbols)
 
     def along(self, direction: ArrayLike, *, start: ArrayLike = (0.0, 0.0, 0.0)) -> Drive:
         """Return this drive in space: ``start + value * direction``, with three columns.
 
         Position actuators prescribe absolute coordinates, so that `start` is where the node
-        is when the drive is 0.
+        is when the drive is 0. The symbols go along: they have the columns of the values.
 
         Raises
         ------
@@ -98,7 +99,8 @@ class Drive:
                 expected="three numbers each, and one column",
                 key="direction",
             )
-        return replace(self, values=origin + self.values * way)
+        symbols = None if self.sequence is None else origin + self.sequence * way
+        return replace(self, values=origin + self.values * way, sequence=symbols)
 
     def ramped(self, time: float) -> Drive:
         """Return this drive times a smooth step from 0 to 1 over `time` [s].

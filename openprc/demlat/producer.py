@@ -86,6 +86,11 @@ class DemlatProducer:
             done = first + len(block.x)
             time = (done - 1) * experiment.save_interval
             progress(done / n_frames, f"t = {time:g} s of {experiment.duration:g} s")
+        if effort := model.effort:
+            writer.note(
+                f"{experiment.integrator} took {effort['steps']} steps and rejected"
+                f" {effort['rejected']}, with {effort['evaluations']} evaluations of the forces"
+            )
 
 
 class _Recorder:

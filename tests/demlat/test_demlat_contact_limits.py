@@ -9,13 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from openprc.demlat import BarHingeModel, run_ensemble
-from openprc.demlat.contact import search
+from openprc.demlat.contact import findings, hook, search
 from openprc.demlat.contact.findings import (
     distance_to_triangle,
     overlapping_facings,
     overlapping_pairs,
 )
-from openprc.demlat.contact.table import FACINGS, PAIRS, Layout, contact_tables, enlarged
+from openprc.demlat.contact.table import FACINGS, PAIRS, contact_tables, enlarged
+from openprc.demlat.integrators.respa import RESPA
+from openprc.demlat.integrators.rk4 import RK4
+from openprc.demlat.integrators.verlet import Verlet
 from openprc.errors import UnsupportedScene
 from openprc.schema.experiment import Collision, Experiment
 from openprc.schema.geometry import Bars, Geometry
@@ -62,8 +65,6 @@ def test_the_radius_is_a_quarter_of_the_shortest_bar(pair):
 
 
 def test_integrators_that_choose_their_step_are_refused(pair, monkeypatch):
-    from openprc.demlat.contact import findings
-
     adaptive = replace(findings.INTEGRATORS["rk4"], name="free", step="adaptive")
     known = dict(findings.INTEGRATORS) | {"free": adaptive}
     monkeypatch.setattr(findings, "INTEGRATORS", known)
@@ -135,9 +136,9 @@ def test_nodes_in_faces_at_the_start_are_remarked_on(pair):
 
 
 @numba.njit(error_model="numpy", _nrt=False)
-def make_lists(lists, layout, x, reach):
-    search.list_pairs(lists, layout, x, reach)
-    search.list_facings(lists, layout, x, reach)
+def make_lists(lists, stride, x, reach):
+    search.list_pairs(lists, stride, x, reach)
+    search.list_facings(lists, stride, x, reach)
 
 
 def listed(experiment, reach):
@@ -148,10 +149,9 @@ def listed(experiment, reach):
     (table,) = contact_tables(
         experiment, inverse_mass=np.tile(inverse, 3), stride=len(positions), unit=1.0
     )
-    layout = Layout((0, 0, 0), len(positions))
     while True:
         lists = table.lists
-        make_lists(lists, layout, flat, reach)
+        make_lists(lists, len(positions), flat, reach)
         n_pairs, n_facings = lists.status[PAIRS], lists.status[FACINGS]
         if n_pairs <= len(lists.pair) and n_facings <= len(lists.facing):
             return lists.pair[:n_pairs], lists.facing[:n_facings]
@@ -170,6 +170,9 @@ def test_cells_find_what_looking_at_everyone_finds(seed, n, spread, flat):
     positions = spread * rng.uniform(-1, 1, (n, 3)) * [1, 1, 0 if flat else 1]
     positions[n // 2] = positions[0]  # coincident
     faces = np.array([rng.choice(n, 3, replace=False) for _ in range(n // 3)])
+    a, b, c = positions[faces].transpose(1, 0, 2)
+    edges = np.linalg.norm([a - b, b - c, c - a], axis=2).max(axis=0)
+    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-6 * edges**2]
     bars = rng.integers(0, n, (n, 2))
     bars = bars[bars[:, 0] != bars[:, 1]]
     geometry = Geometry(
@@ -211,3 +214,18 @@ def test_cells_find_what_looking_at_everyone_finds(seed, n, spread, flat):
     np.testing.assert_array_equal(overlapping_pairs(experiment, radius + reach / 2), pairs)
     found = overlapping_facings(experiment, radius + reach)
     assert set(map(tuple, found.tolist())) == expected
+
+
+def test_schemes_that_carry_forces_over_are_told_of_contacts():
+    @numba.njit(error_model="numpy", _nrt=False)
+    def tell(scheme):
+        hook.forget_forces(scheme)
+
+    clock = np.array([1.0, 2.0])
+    arrays = (np.zeros(3), np.zeros(3), None, clock)
+    tell(Verlet(*arrays))
+    assert np.isnan(clock[0])
+    clock[0] = 1.0
+    tell(RESPA(2, False, Verlet(*arrays), np.zeros(3), np.zeros(3), None))
+    assert np.isnan(clock[0])
+    tell(RK4(*[np.zeros(3)] * 5, None))

@@ -300,7 +300,7 @@ def test_stored_runs_are_met_within_the_error_of_their_integrator(name):
     motion = np.std(stored - stored.mean(axis=0))
     assert np.std(finer - ours) < 1e-4 * motion
     # Theirs is of first order and labels its frames one step early.
-    assert 0.005 < np.std(ours - stored) / motion < 0.03
+    assert 0.005 < np.std(ours - stored) / motion < 0.02
 
 
 @pytest.mark.skipif(not UPSTREAM.exists(), reason="recorded files are not at hand")

@@ -1,5 +1,6 @@
 """The stepping of openprc up to 0.1.1: closed forms, its stored runs, and what it refuses."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -298,28 +299,41 @@ def test_what_the_older_program_had_not_is_refused(fold, tmp_path, changes, foun
     assert "integrator" in findings[0].fix or "one of these" in findings[0].fix
 
 
-def test_it_is_chosen_for_a_run_and_said_in_the_file(folder):
-    before = (folder / "input/config.json").read_text()
-    result = Engine(BarHingeModel).run(folder, integrator="rk4")
-    assert not any("legacy" in note for note in result.notes)
-    with pytest.raises(UnsupportedScene, match=r"one of rk4, .*legacy"):
-        Engine(BarHingeModel).run(folder, integrator="banana", overwrite=True)
-    with pytest.raises(UnsupportedScene, match="an actuator of some axes only"):
-        Engine(BarHingeModel).run(folder, integrator="legacy", overwrite=True)
-    assert (folder / "input/config.json").read_text() == before
-
-
-def test_a_run_on_the_command_line(fold, tmp_path):
+def test_it_is_chosen_for_a_run_and_said_in_the_file(fold, tmp_path):
     save_experiment(replace(fold, duration=0.043, save_interval=0.043), tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        main(["run", str(tmp_path), "--integrator", "legacy"])
-    assert stop.value.code == 0
-    with Trajectory(tmp_path / "output/simulation.h5") as run:
-        notes = " ".join(run.notes)
-        assert run.n_frames == 2
-        assert run.provenance["config"]["simulation"]["integrator"] == "legacy"
-        positions = run.positions()
-    assert "feeds energy into the motion" in notes
+    before = (tmp_path / "input/config.json").read_text()
+    engine = Engine(BarHingeModel)
+    with pytest.raises(UnsupportedScene, match=r"one of rk4, .*legacy"):
+        engine.run(tmp_path, integrator="banana")
+    result = engine.run(tmp_path, integrator="legacy")
+    assert (tmp_path / "input/config.json").read_text() == before
+    notes = " ".join(result.notes)
+    assert "of first order and feeds energy into the motion" in notes
     assert "rounds saved positions and velocities to float32" in notes
     assert "saved every 42 steps for this save_interval, not every 43" in notes
+    with Trajectory(result.path) as run:
+        assert run.n_frames == 2
+        positions = run.positions()
     np.testing.assert_array_equal(positions, positions.astype("f4"))
+    with h5py.File(result.path) as file:
+        stored = [note.decode() for note in file["provenance/notes"][()]]
+        settings = json.loads(file["provenance/config"][()])
+    assert stored == list(result.notes)
+    assert settings["simulation"]["integrator"] == "legacy"
+
+
+def test_it_is_chosen_on_the_command_line(fold, tmp_path, capsys):
+    scene = replace(fold, duration=0.01, bar_damping="printed")
+    save_experiment(scene, tmp_path)
+    for more in ([], ["--plan"]):
+        with pytest.raises(SystemExit):
+            main(["run", str(tmp_path), "--integrator", "legacy", *more])
+        printed = capsys.readouterr()
+        shown = " ".join((printed.out + printed.err).split())
+        assert "bar_damping 'printed' with the integrator 'legacy'" in shown
+
+
+def test_initial_velocities_are_remarked_on(fold):
+    moving = replace(fold.geometry, velocities=np.ones((4, 3)) * [[0], [0], [1], [1]])
+    remarks = list(BarHingeModel(replace(fold, geometry=moving, integrator="legacy")).remarks())
+    assert any("had no initial velocities" in remark for remark in remarks)

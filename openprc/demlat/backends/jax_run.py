@@ -12,7 +12,7 @@ import numpy as np
 
 from openprc.demlat.backends.frames import diverged, frame_block, head, plausible_size
 from openprc.demlat.backends.jax_body import JaxBody, Parameters, parameters_of
-from openprc.demlat.backends.jax_signals import look_up, polynomials, tracks_of
+from openprc.demlat.backends.jax_signals import HIGHEST, components_of, look_up, table_of, tracks_of
 from openprc.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -24,11 +24,14 @@ FULL_TURN = 2.0 * np.pi
 
 
 class State(NamedTuple):
-    """Positions [m], velocities [m/s], and the ledger [J]: work, drag, bars, hinges, contact."""
+    """Positions [m], velocities [m/s], and the ledger [J] or None.
+
+    The ledger: work, and what drag, bars, hinges and contact take.
+    """
 
     x: Array
     v: Array
-    ledger: Array
+    ledger: Array | None
 
 
 class Trajectory(NamedTuple):
@@ -56,30 +59,23 @@ class JaxRun:
         self.experiment = experiment
         self.body = JaxBody(experiment)
         self.tracks, self.motion, self.pushes = tracks_of(experiment)
+        self.components = components_of(experiment, self.tracks)
         self.h = experiment.save_interval / experiment.steps_per_frame
 
     # --- drives -----------------------------------------------------------------------------
 
-    def tables(self, p: Parameters) -> tuple[Array, ...]:
-        """Return the polynomials of every track."""
-        return tuple(polynomials(track, p["signals"][track.name]) for track in self.tracks)
-
-    def _signals(self, tables: Any, t: Array, t_from: Array, t_to: Array) -> tuple[Array, Array]:
-        pairs = [
-            look_up(track, rows, t, t_from, t_to)
-            for track, rows in zip(self.tracks, tables, strict=True)
-        ]
-        values, rates = zip(*pairs, strict=True)
-        return jnp.concatenate(values), jnp.concatenate(rates)
+    def table(self, p: Parameters) -> Array:
+        """Return the polynomials of all signals."""
+        return table_of(self.tracks, p["signals"]) if self.tracks else jnp.zeros((0, HIGHEST))
 
     def place(
-        self, p: Parameters, tables: Any, x: Array, v: Array, times: tuple[Array, Array, Array]
+        self, p: Parameters, table: Array, x: Array, v: Array, times: tuple[Array, Array, Array]
     ) -> tuple[Array, Array]:
         """Return positions and velocities with the driven coordinates in place."""
         rows = self.motion
         if not len(rows.node):
             return x, v
-        values, rates = self._signals(tables, *times)
+        values, rates = look_up(self.components, table, *times)
         start = jnp.where(rows.from_start, p["positions"][rows.node, rows.axis], 0.0)
         at = rows.node, rows.axis
         return (
@@ -90,25 +86,29 @@ class JaxRun:
     # --- one step ---------------------------------------------------------------------------
 
     def slopes(
-        self, p: Parameters, tables: Any, x: Array, v: Array, times: tuple[Array, Array, Array]
+        self,
+        p: Parameters,
+        table: Array,
+        x: Array,
+        v: Array,
+        times: tuple[Array, Array, Array],
+        *,
+        ledger: bool,
     ) -> State:
         """Return the rates of change of the state."""
         body, motion, pushes = self.body, self.motion, self.pushes
         force, losses = body.forces(p, x, v)
         work = -jnp.sum((force * v)[motion.node, motion.axis])
         if len(pushes.node):
-            values, _ = self._signals(tables, *times)
+            values, _ = look_up(self.components, table, *times)
             at = pushes.node, pushes.axis
             force = force.at[at].add(values[pushes.component])
             work += jnp.sum(values[pushes.component] * v[at])
         mass = jnp.where(body.free, p["masses"][:, None], 1.0)
-        return State(
-            v,
-            jnp.where(body.free, force / mass, 0.0),
-            jnp.concatenate([work[None], losses, jnp.zeros(1)]),
-        )
+        powers = jnp.concatenate([work[None], losses, jnp.zeros(1)]) if ledger else None
+        return State(v, jnp.where(body.free, force / mass, 0.0), powers)
 
-    def step(self, p: Parameters, tables: Any, state: State, number: Array) -> State:
+    def step(self, p: Parameters, table: Array, state: State, number: Array) -> State:
         """Take step `number` of the classical Runge-Kutta scheme."""
         h = self.h
         t = number * h
@@ -118,8 +118,8 @@ class JaxRun:
             ahead, weight = row
             x, v = state.x + ahead * slope.x, state.v + ahead * slope.v
             times = (t + ahead, t, t + h)
-            x, v = self.place(p, tables, x, v, times)
-            slope = self.slopes(p, tables, x, v, times)
+            x, v = self.place(p, table, x, v, times)
+            slope = self.slopes(p, table, x, v, times, ledger=state.ledger is not None)
             return (slope, jax.tree.map(lambda y, k: y + weight * k, total, slope)), None
 
         # One stage is compiled, not four.
@@ -127,40 +127,39 @@ class JaxRun:
         none = jax.tree.map(jnp.zeros_like, state)
         (_, total), _ = jax.lax.scan(stage, (none, none), stages)
         moved = jax.tree.map(jnp.add, state, total)
-        x, v = self.place(p, tables, moved.x, moved.v, (t + h, t, t + h))
+        x, v = self.place(p, table, moved.x, moved.v, (t + h, t, t + h))
         t = (number + 1) * h
-        return self._cross(p, tables, moved._replace(x=x, v=v), (t, t, t + h))
+        return self._cross(p, table, moved._replace(x=x, v=v), (t, t, t + h))
 
     def _cross(
-        self, p: Parameters, tables: Any, state: State, times: tuple[Array, Array, Array]
+        self, p: Parameters, table: Array, state: State, times: tuple[Array, Array, Array]
     ) -> State:
         """Hand driven coordinates over to the segments that begin now.
 
         A held signal moves its coordinates at once; the energy that this takes is work.
         """
-        x, v = self.place(p, tables, state.x, state.v, times)
+        x, v = self.place(p, table, state.x, state.v, times)
         rows, ledger = self.motion, state.ledger
-        if rows.held.any():
+        if ledger is not None and rows.held.any():
             at = rows.node[rows.held], rows.axis[rows.held]
             before, after = jax.lax.map(partial(self.body.potential, p), jnp.stack([state.x, x]))
             jumped = jnp.any(x[at] != state.x[at])
             ledger = ledger.at[0].add(jnp.where(jumped, after - before, 0.0))
         return State(x, v, ledger)
 
-    def start(self, p: Parameters, tables: Any) -> State:
+    def start(self, p: Parameters, table: Array, *, ledger: bool = True) -> State:
         """Return the state at t = 0, driven coordinates in place."""
-        # Nothing may change what the caller handed in, and types are those of the arithmetic.
         x, v = jnp.asarray(p["positions"]), jnp.asarray(p["velocities"])
-        x, v = self.place(p, tables, x, v, (0.0, 0.0, self.h))
-        ledger = jnp.zeros(5).at[0].add(-self._driven_energy(p, v))
-        return State(x, v, ledger)
+        x, v = self.place(p, table, x, v, (0.0, 0.0, self.h))
+        work = jnp.zeros(5).at[0].add(-self._driven_energy(p, v))
+        return State(x, v, work if ledger else None)
 
-    def frame(self, p: Parameters, tables: Any, state: State, number: Array) -> State:
+    def frame(self, p: Parameters, table: Array, state: State, number: Array) -> State:
         """Go from frame `number` to the next."""
         count = self.experiment.steps_per_frame
 
         def one(now: State, i: Array) -> tuple[State, None]:
-            return self.step(p, tables, now, number * count + i), None
+            return self.step(p, table, now, number * count + i), None
 
         return jax.lax.scan(one, state, jnp.arange(count))[0]
 
@@ -197,15 +196,15 @@ class JaxRun:
 
         # Never across a `yield`: the precision of what the caller does is not ours to choose.
         with jax.enable_x64(True):
-            prepare = jax.jit(lambda p: (tables := self.tables(p), self.start(p, tables)))
+            prepare = jax.jit(lambda p: (table := self.table(p), self.start(p, table)))
             advance, observe = jax.jit(self.frame), jax.jit(self.saved)
-            tables, state = prepare(p)
+            table, state = prepare(p)
             _keep(out, 0, observe(p, state))
         yield 0, head(out, 1)
         first, row = 1, 0
         for frame in range(experiment.n_frames - 1):
             with jax.enable_x64(True):
-                state = advance(p, tables, state, frame)
+                state = advance(p, table, state, frame)
                 saved = observe(p, state)
                 x = np.asarray(state.x)
             bad = np.argwhere(~(np.abs(x.T) < limit))
@@ -223,13 +222,13 @@ class JaxRun:
 
     def rollout(self, p: Parameters) -> Trajectory:
         """Return all frames as a function of the parameters that JAX can differentiate."""
-        tables = self.tables(p)
-        start = self.start(p, tables)
+        table = self.table(p)
+        start = self.start(p, table, ledger=False)
 
         # Only frames are kept for the way back; the steps between them are taken again.
         @jax.checkpoint
         def one(state: State, number: Array) -> tuple[State, tuple[Array, Array]]:
-            state = self.frame(p, tables, state, number)
+            state = self.frame(p, table, state, number)
             return state, (state.x, state.v)
 
         _, (x, v) = jax.lax.scan(one, start, jnp.arange(self.experiment.n_frames - 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from openprc.schema.experiment import Experiment
 
 Array = Any
+#: Coefficients of a cubic that was integrated.
+HIGHEST = 5
 
 
 class Track(NamedTuple):
@@ -37,6 +40,21 @@ class Track(NamedTuple):
     first: int
 
 
+class Components(NamedTuple):
+    """Where the polynomials of each component of each track are.
+
+    Attributes
+    ----------
+    dt : (C,) [s]
+    first, count : (C,) int
+        Rows of the table.
+    """
+
+    dt: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+
+
 class Rows(NamedTuple):
     """Which coordinates the tracks drive, one entry a coordinate.
 
@@ -56,6 +74,14 @@ class Rows(NamedTuple):
     component: np.ndarray
     from_start: np.ndarray
     held: np.ndarray
+
+
+def components_of(experiment: Experiment, tracks: tuple[Track, ...]) -> Components:
+    """Return where the components of the tracks are in the table of `table_of`."""
+    shapes = [(track, experiment.signals[track.name].values.shape) for track in tracks]
+    dt = [track.dt for track, (_, width) in shapes for _ in range(width)]
+    count = np.array([length for _, (length, width) in shapes for _ in range(width)], dtype=int)
+    return Components(np.array(dt), np.cumsum(count) - count, count)
 
 
 def tracks_of(experiment: Experiment) -> tuple[tuple[Track, ...], Rows, Rows]:
@@ -141,20 +167,32 @@ def spline_bends(values: Array) -> Array:
     return jnp.concatenate([first[None], inner, last[None]])
 
 
-def look_up(track: Track, rows: Array, t: Array, t_from: Array, t_to: Array) -> tuple[Array, Array]:
-    """Return values and rates of a track for a step from `t_from` to `t_to`: (d,), (d,).
+def table_of(tracks: tuple[Track, ...], samples: Mapping[str, Array]) -> Array:
+    """Return the polynomials of all components of all tracks, one below the other: (R, n)."""
+    blocks = []
+    for track in tracks:
+        rows = polynomials(track, samples[track.name])
+        rows = jnp.pad(rows, ((0, 0), (0, HIGHEST - rows.shape[1]), (0, 0)))
+        blocks.append(jnp.swapaxes(rows, 0, 1).reshape(HIGHEST, -1, order="F").T)
+    return jnp.concatenate(blocks)
+
+
+def look_up(
+    components: Components, table: Array, t: Array, t_from: Array, t_to: Array
+) -> tuple[Array, Array]:
+    """Return values and rates of all components for a step from `t_from` to `t_to`: (C,), (C,).
 
     A sample at the end of a step belongs to the segment before it, one at its beginning to the
     segment after it.
     """
-    dt = track.dt
+    dt = components.dt
     segment = jnp.maximum(jnp.floor(t / dt), jnp.floor(t_from / dt + SAMPLE_SLACK))
     segment = jnp.minimum(segment, jnp.maximum(jnp.ceil(t_to / dt - SAMPLE_SLACK) - 1.0, 0.0))
-    segment = jnp.clip(segment, 0.0, len(rows) - 1.0)
+    segment = jnp.clip(segment, 0.0, components.count - 1.0)
     s = t / dt - segment
-    row = rows[segment.astype(int)]
-    value, rate = jnp.zeros_like(row[0]), jnp.zeros_like(row[0])
-    for power in range(len(row) - 1, -1, -1):
+    rows = table[components.first + segment.astype(int)]
+    value, rate = rows[:, -1], jnp.zeros_like(s)
+    for power in range(HIGHEST - 2, -1, -1):
         rate = rate * s + value
-        value = value * s + row[power]
+        value = value * s + rows[:, power]
     return value, rate / dt

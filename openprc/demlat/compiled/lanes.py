@@ -70,6 +70,31 @@ def _scalar(dtype: types.Type) -> ir.Type:
 class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: VectorType) -> None:
         super().__init__(manager, kind, ir.VectorType(_scalar(kind.dtype), kind.width))
+        self._array = ir.ArrayType(_scalar(kind.dtype), kind.width)
+
+    # Functions return through memory, and LLVM stores whole vectors with aligned instructions,
+    # but does not always align the stack for them; an array asks for no alignment.
+
+    def get_data_type(self) -> ir.Type:
+        return self._array
+
+    get_return_type = get_data_type
+
+    def as_data(self, builder: Any, value: Any) -> Any:
+        array = ir.Constant(self._array, ir.Undefined)
+        for lane in range(self._array.count):
+            number = builder.extract_element(value, ir.IntType(32)(lane))
+            array = builder.insert_value(array, number, lane)
+        return array
+
+    def from_data(self, builder: Any, value: Any) -> Any:
+        vector = ir.Constant(self.get_value_type(), ir.Undefined)
+        for lane in range(self._array.count):
+            number = builder.extract_value(value, lane)
+            vector = builder.insert_element(vector, number, ir.IntType(32)(lane))
+        return vector
+
+    as_return, from_return = as_data, from_data
 
 
 @register_model(MaskType)

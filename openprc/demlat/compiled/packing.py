@@ -9,7 +9,6 @@ no run becomes *spread* blocks (every lane has its own place) or single elements
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
 
 #: A run block with fewer elements than this share of its lanes costs more than it saves.
 LEAST_FILL = 0.4
+#: Nodes whose positions, velocities and forces stay in a second-level cache together.
+TILE = 4096
 
 
 class Blocks(NamedTuple):
@@ -67,38 +68,29 @@ def run_blocks(
     rest : (R,)
         Elements that would have left a block too empty.
     """
-    nodes = indices[chosen].astype(np.int64)
+    # The loop over a million elements is compiled, and loaded only when there is one.
+    from openprc.demlat.compiled.covering import cover  # noqa: PLC0415
+
+    nodes = indices[chosen]
     steps = nodes[:, 1:] - nodes[:, :1]
     order = np.lexsort((nodes[:, 0], *steps.T[::-1]))
-    nodes, steps, chosen = nodes[order], steps[order], chosen[order]
-    # Elements of one shape form a strip; twins at one place would need the same lane.
-    new_strip = np.ones(len(chosen), dtype=bool)
-    new_strip[1:] = (steps[1:] != steps[:-1]).any(axis=1)
-    element: list[NDArray[np.int32]] = []
-    firsts: list[NDArray[np.int64]] = []
-    rest: list[int] = []
-    bounds = [*np.flatnonzero(new_strip).tolist(), len(chosen)]
-    for begin, end in pairwise(bounds):
-        at = begin
-        while at < end:
-            start = nodes[at, 0]
-            stop = begin + int(np.searchsorted(nodes[begin:end, 0], start + width))
-            lanes = nodes[at:stop, 0] - start
-            if len(lanes) < LEAST_FILL * width or (np.diff(lanes) == 0).any():
-                rest.append(int(chosen[at]))
-                at += 1
-                continue
-            block = np.full(width, -1, dtype=np.int32)
-            block[lanes] = chosen[at:stop]
-            element.append(block)
-            firsts.append(nodes[at])
-            at = stop
-    width_of_row = indices.shape[1]
-    return Blocks(
-        np.concatenate(element) if element else np.zeros(0, np.int32),
-        np.array(firsts, dtype=np.int32).reshape(-1, width_of_row),
-        width,
-    ), np.array(sorted(rest), dtype=np.int64)
+    chosen = chosen[order]
+    # Elements of one shape form a strip.
+    new_strip = np.ones(len(chosen), dtype=np.bool_)
+    new_strip[1:] = (steps[order[1:]] != steps[order[:-1]]).any(axis=1)
+    del steps
+    nodes = nodes[order]
+    lane = np.full(len(chosen), -1, dtype=np.int32)
+    block = np.zeros(len(chosen), dtype=np.int32)
+    n_blocks = cover(nodes[:, 0].copy(), new_strip, width, LEAST_FILL * width, block, lane)
+    placed = lane >= 0
+    element = np.full((n_blocks, width), -1, dtype=np.int32)
+    element[block[placed], lane[placed]] = chosen[placed]
+    first = np.zeros((n_blocks, indices.shape[1]), dtype=np.int32)
+    first[block[placed]] = nodes[placed] - lane[placed, np.newaxis]
+    # Tile by tile, so that what one strip has loaded is still near when the next one needs it.
+    tiled = np.argsort(first[:, 0] // TILE, kind="stable")
+    return Blocks(element[tiled].reshape(-1), first[tiled], width), np.sort(chosen[~placed])
 
 
 def spread_blocks(indices: NDArray[np.int32], chosen: NDArray[np.int64], width: int) -> Blocks:

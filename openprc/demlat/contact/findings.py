@@ -115,6 +115,8 @@ def contact_remarks(experiment: Experiment) -> Iterator[str]:
         return
     if collision.faces and not len(geometry.faces):
         yield "collision_faces is on and the geometry has no faces: only nodes collide"
+    if collision.radius is None and not len(geometry.bars):
+        return  # refused
     radius = contact_radius(experiment)
     if collision.radius is None:
         yield (

@@ -14,7 +14,7 @@ from openprc.demlat.contact.response import (
     open_records,
 )
 from openprc.demlat.contact.search import MARGIN, copy_to, gather, keep_lists, largest_move
-from openprc.demlat.contact.table import Layout, Motion
+from openprc.demlat.contact.table import Motion
 
 #: In place of a coordinate that left the plausible range: a list was too short. What was done
 #: since the state was last saved is to be repeated with more room.
@@ -43,17 +43,16 @@ def respond(table: Any, body: Any, state: Any, h: float) -> int:
     acceleration, lists, touch = table.acceleration, table.lists, table.touch
     for at in range(acceleration.size):
         acceleration[at] = (state.v[at] - acceleration[at]) / h
-    layout = Layout(body.space, body.stride)
-    margin = MARGIN * largest_move(lists, layout, state.x, table.start)
-    if not keep_lists(lists, layout, state.x, margin):
+    stride = body.stride
+    margin = MARGIN * largest_move(lists, stride, state.x, table.start)
+    if not keep_lists(lists, stride, state.x, margin):
         return OVERFULL
-    if not gather(lists, touch, layout, state.x, margin):
+    if not gather(lists, touch, stride, state.x, margin):
         return OVERFULL
     if touch.count[0] == 0:
         return 0
     motion = Motion(
-        body.space,
-        body.stride,
+        stride,
         state.x,
         state.v,
         body.inverse_mass,

@@ -75,8 +75,8 @@ def approach(motion: Any, roles: Any, s: float) -> Any:
     x, y, z = 0.0, 0.0, 0.0
     for k in range(4):
         if parts[k] != 0.0:
-            u = where(motion, motion.v, nodes[k])
-            a = where(motion, motion.acceleration, nodes[k])
+            u = where(motion.stride, motion.v, nodes[k])
+            a = where(motion.stride, motion.acceleration, nodes[k])
             x += parts[k] * (u[0] - s * a[0])
             y += parts[k] * (u[1] - s * a[1])
             z += parts[k] * (u[2] - s * a[2])
@@ -90,7 +90,7 @@ def mobility(motion: Any, roles: Any, direction: Any) -> float:
     total = 0.0
     for k in range(4):
         if parts[k] != 0.0:
-            w = where(motion, motion.inverse_mass, nodes[k])
+            w = where(motion.stride, motion.inverse_mass, nodes[k])
             square = w[0] * direction[0] ** 2 + w[1] * direction[1] ** 2 + w[2] * direction[2] ** 2
             total += parts[k] * parts[k] * square
     return total
@@ -104,7 +104,7 @@ def push(motion: Any, roles: Any, impulse: Any, s: float) -> None:
     for k in range(4):
         if parts[k] == 0.0:
             continue
-        for axis in range(len(motion.space)):
+        for axis in range(3):
             at = axis * motion.stride + nodes[k]
             share = parts[k] * impulse[axis]
             speed = motion.v[at] - s * motion.acceleration[at]
@@ -197,8 +197,8 @@ def forget_chains(touch: Any) -> None:
 def _closest_approach(touch: Any, motion: Any, contact: int, h: float) -> float:
     """Return how long before the end two nodes were closest on straight lines."""
     i, j, _, _ = members(touch, contact)
-    apart = minus(where(motion, motion.x, i), where(motion, motion.x, j))
-    before = minus(where(motion, motion.start, i), where(motion, motion.start, j))
+    apart = minus(where(motion.stride, motion.x, i), where(motion.stride, motion.x, j))
+    before = minus(where(motion.stride, motion.start, i), where(motion.stride, motion.start, j))
     way = minus(apart, before)
     square = dot(way, way)
     if square == 0.0:
@@ -326,7 +326,10 @@ def strike(touch: Any, motion: Any, contact: int) -> bool:
         restitution = 0.0
     touch.record[contact, CROSSED] = 0.0
     for k in range(4):
-        if roles[1][k] != 0.0 and dot(where(motion, motion.inverse_mass, roles[0][k]), ONES) > 0.0:
+        if (
+            roles[1][k] != 0.0
+            and dot(where(motion.stride, motion.inverse_mass, roles[0][k]), ONES) > 0.0
+        ):
             touch.since[roles[0][k]] = s
     return True
 
@@ -462,7 +465,7 @@ def separate(touch: Any, motion: Any, contact: int) -> float:
     for k in range(4):
         if parts[k] == 0.0:
             continue
-        for axis in range(len(motion.space)):
+        for axis in range(3):
             at = axis * motion.stride + nodes[k]
             w, share = motion.inverse_mass[at], -parts[k] * normal[axis] * room / ease
             if w > 0.0:

@@ -45,13 +45,13 @@ def _bucket_of(lists: Any, i: int, j: int, k: int) -> int:
 
 
 @jit
-def fill_cells(lists: Any, layout: Any, x: Any, size: float) -> None:
+def fill_cells(lists: Any, stride: int, x: Any, size: float) -> None:
     """Sort collidable nodes into cells of that size."""
     per_cell = 1.0 / size
     first, cell = lists.bucket_first, lists.cell
     first[:] = 0
     for c in range(lists.nodes.size):
-        p = where(layout, x, lists.nodes[c])
+        p = where(stride, x, lists.nodes[c])
         for axis in range(3):
             cell[3 * c + axis] = _cell_along(p[axis], per_cell)
         first[_bucket_of(lists, cell[3 * c], cell[3 * c + 1], cell[3 * c + 2]) + 1] += 1
@@ -88,15 +88,15 @@ def _sort_tail(rows: Any, begin: int, end: int) -> None:
 
 
 @jit
-def list_pairs(lists: Any, layout: Any, x: Any, reach: float) -> None:
+def list_pairs(lists: Any, stride: int, x: Any, reach: float) -> None:
     """List collidable nodes with a gap below `reach`, ascending by both."""
     far = lists.distance + reach
-    fill_cells(lists, layout, x, far)
+    fill_cells(lists, stride, x, far)
     cell, first = lists.cell, lists.bucket_first
     lists.status[PAIRS] = 0
     for c in range(lists.nodes.size):
         i, begin = lists.nodes[c], lists.status[PAIRS]
-        p = where(layout, x, i)
+        p = where(stride, x, i)
         for neighbour in range(27):
             at = (
                 cell[3 * c] + neighbour % 3 - 1,
@@ -111,7 +111,7 @@ def list_pairs(lists: Any, layout: Any, x: Any, reach: float) -> None:
                 if cell[3 * d + 1] != at[1] or cell[3 * d + 2] != at[2]:
                     continue  # another cell with the same hash
                 j = lists.nodes[d]
-                apart = minus(where(layout, x, j), p)
+                apart = minus(where(stride, x, j), p)
                 if not dot(apart, apart) < far * far:
                     continue
                 if not (lists.mobile[i] or lists.mobile[j]) or _share_a_bar(lists, i, j):
@@ -126,19 +126,19 @@ def list_pairs(lists: Any, layout: Any, x: Any, reach: float) -> None:
 
 
 @jit
-def squared_distance(lists: Any, layout: Any, x: Any, node: int, face: int) -> float:
+def squared_distance(lists: Any, stride: int, x: Any, node: int, face: int) -> float:
     """Return the square of the distance of a node from a face [m2]."""
-    p = where(layout, x, node)
-    a = where(layout, x, lists.faces[3 * face])
-    b = where(layout, x, lists.faces[3 * face + 1])
-    c = where(layout, x, lists.faces[3 * face + 2])
+    p = where(stride, x, node)
+    a = where(stride, x, lists.faces[3 * face])
+    b = where(stride, x, lists.faces[3 * face + 1])
+    c = where(stride, x, lists.faces[3 * face + 2])
     u, v, w, _ = nearest_on_triangle(p, a, b, c)
     apart = minus(minus(minus(p, times(a, u)), times(b, v)), times(c, w))
     return dot(apart, apart)
 
 
 @jit
-def _list_facing(lists: Any, layout: Any, x: Any, c: int, face: int, far: float) -> None:
+def _list_facing(lists: Any, stride: int, x: Any, c: int, face: int, far: float) -> None:
     """Append collidable node number `c` and `face` if they are near."""
     node = lists.nodes[c]
     i, j, k = lists.faces[3 * face], lists.faces[3 * face + 1], lists.faces[3 * face + 2]
@@ -147,7 +147,7 @@ def _list_facing(lists: Any, layout: Any, x: Any, c: int, face: int, far: float)
     mobile = lists.mobile
     if not (mobile[node] or mobile[i] or mobile[j] or mobile[k]):
         return
-    if not squared_distance(lists, layout, x, node, face) < far * far:
+    if not squared_distance(lists, stride, x, node, face) < far * far:
         return
     at_end = lists.status[FACINGS]
     if at_end < lists.facing.shape[0]:
@@ -157,18 +157,18 @@ def _list_facing(lists: Any, layout: Any, x: Any, c: int, face: int, far: float)
 
 
 @jit
-def list_facings(lists: Any, layout: Any, x: Any, reach: float) -> None:
+def list_facings(lists: Any, stride: int, x: Any, reach: float) -> None:
     """List collidable nodes and faces with a gap below `reach`, face after face."""
     n_faces = lists.faces.size // 3
     lists.status[FACINGS] = 0
     if n_faces > 0:
         far = lists.radius + reach
         size = max(far, lists.extent)
-        fill_cells(lists, layout, x, size)
+        fill_cells(lists, stride, x, size)
         cell, first = lists.cell, lists.bucket_first
         for face in range(n_faces):
             i, j, k = lists.faces[3 * face], lists.faces[3 * face + 1], lists.faces[3 * face + 2]
-            a, b, c = where(layout, x, i), where(layout, x, j), where(layout, x, k)
+            a, b, c = where(stride, x, i), where(stride, x, j), where(stride, x, k)
             low_x = _cell_along(min(a[0], b[0], c[0]) - far, 1.0 / size)
             low_y = _cell_along(min(a[1], b[1], c[1]) - far, 1.0 / size)
             low_z = _cell_along(min(a[2], b[2], c[2]) - far, 1.0 / size)
@@ -179,7 +179,7 @@ def list_facings(lists: Any, layout: Any, x: Any, reach: float) -> None:
             cells *= float(high_z - low_z + 1)
             if cells > lists.nodes.size:
                 for other in range(lists.nodes.size):
-                    _list_facing(lists, layout, x, other, face, far)
+                    _list_facing(lists, stride, x, other, face, far)
                 continue
             for at_x in range(low_x, high_x + 1):
                 for at_y in range(low_y, high_y + 1):
@@ -192,29 +192,29 @@ def list_facings(lists: Any, layout: Any, x: Any, reach: float) -> None:
                                 and cell[3 * other + 1] == at_y
                                 and cell[3 * other + 2] == at_z
                             ):
-                                _list_facing(lists, layout, x, other, face, far)
+                                _list_facing(lists, stride, x, other, face, far)
 
 
 @jit
-def largest_move(lists: Any, layout: Any, x: Any, before: Any) -> float:
+def largest_move(lists: Any, stride: int, x: Any, before: Any) -> float:
     """Return how far the watched node that moved most is from where it was [m]."""
     largest = 0.0
     for w in range(lists.watched.size):
         node = lists.watched[w]
-        apart = minus(where(layout, x, node), where(layout, before, node))
+        apart = minus(where(stride, x, node), where(stride, before, node))
         largest = max(largest, dot(apart, apart))
     return math.sqrt(largest)
 
 
 @jit
-def keep_lists(lists: Any, layout: Any, x: Any, margin: float) -> bool:
+def keep_lists(lists: Any, stride: int, x: Any, margin: float) -> bool:
     """Make the lists again where they may miss a gap below `margin`; say whether they fit."""
-    moved = largest_move(lists, layout, x, lists.listed_at)
+    moved = largest_move(lists, stride, x, lists.listed_at)
     if lists.status[LISTED] == 1 and 2.0 * moved + margin <= lists.reach[0]:
         return True
     reach = max(lists.skin, 2.0 * margin)
-    list_pairs(lists, layout, x, reach)
-    list_facings(lists, layout, x, reach)
+    list_pairs(lists, stride, x, reach)
+    list_facings(lists, stride, x, reach)
     lists.status[LISTED] = 0
     if lists.status[PAIRS] > lists.pair.shape[0] or lists.status[FACINGS] > lists.facing.shape[0]:
         return False
@@ -234,19 +234,19 @@ def _append(touch: Any, node: int, other: int) -> None:
 
 
 @jit
-def gather(lists: Any, touch: Any, layout: Any, x: Any, margin: float) -> bool:
+def gather(lists: Any, touch: Any, stride: int, x: Any, margin: float) -> bool:
     """Put contacts with a gap below `margin` into `near`; say whether they fit."""
     touch.count[0] = 0
     far = touch.distance + margin
     for at in range(lists.status[PAIRS]):
         i, j = lists.pair[at, 0], lists.pair[at, 1]
-        apart = minus(where(layout, x, i), where(layout, x, j))
+        apart = minus(where(stride, x, i), where(stride, x, j))
         if dot(apart, apart) < far * far:
             _append(touch, i, j)
     far = touch.radius + margin
     for at in range(lists.status[FACINGS]):
         node, face = lists.facing[at, 0], lists.facing[at, 1]
-        if squared_distance(lists, layout, x, node, face) < far * far:
+        if squared_distance(lists, stride, x, node, face) < far * far:
             _append(touch, node, -1 - face)
     lists.status[NEAR] = touch.count[0]
     return touch.count[0] <= touch.near.shape[0]

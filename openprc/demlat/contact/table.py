@@ -66,7 +66,7 @@ class Lists(NamedTuple):
         Nodes that may touch before the lists are made again.
     facing : (room, 2) i8
         Likewise nodes and faces.
-    listed_at : (dims * stride,) [m]
+    listed_at : (3 * stride,) [m]
         Positions for which the lists were made.
     reach : (1,) [m]
         Gap up to which the lists are complete at `listed_at`.
@@ -137,9 +137,9 @@ class ContactTable(NamedTuple):
     ----------
     lists : Lists
     touch : Touch
-    start : (dims * stride,) [m]
+    start : (3 * stride,) [m]
         Positions at the start of the step.
-    acceleration : (dims * stride,) [m/s2]
+    acceleration : (3 * stride,) [m/s2]
         Mean over the step without contact; before its end, the velocities at its start.
     """
 
@@ -152,7 +152,6 @@ class ContactTable(NamedTuple):
 class Motion(NamedTuple):
     """Coordinates of a step, as contacts see them; fields as in `ContactTable` and `Body`."""
 
-    space: tuple[int, ...]
     stride: int
     x: Reals
     v: Reals
@@ -160,13 +159,6 @@ class Motion(NamedTuple):
     start: Reals
     acceleration: Reals
     ledger: Reals
-
-
-class Layout(NamedTuple):
-    """Of flat coordinates; fields as in `Body`."""
-
-    space: tuple[int, ...]
-    stride: int
 
 
 def contact_tables(
@@ -177,7 +169,7 @@ def contact_tables(
     Parameters
     ----------
     experiment : Experiment
-    inverse_mass : (dims * stride,)
+    inverse_mass : (3 * stride,)
         As in `openprc.demlat.models.barhinge.tables.Body`.
     stride : int
     unit : float [m]

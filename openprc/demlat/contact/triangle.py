@@ -92,19 +92,16 @@ def nearest_on_triangle(p: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 @jit
-def where(layout: Any, x: Any, node: int) -> Any:
-    """Return the three components of `node` in flat coordinates; z is 0 in a planar scene."""
-    z = 0.0
-    if len(layout.space) == 3:
-        z = x[2 * layout.stride + node]
-    return x[node], x[layout.stride + node], z
+def where(stride: int, x: Any, node: int) -> Any:
+    """Return the three components of `node` in flat coordinates."""
+    return x[node], x[stride + node], x[2 * stride + node]
 
 
 @jit
 def earlier(motion: Any, x: Any, node: int, s: float) -> Any:
     """Return where `node` was at the time `s` before the end of the step."""
-    p, u = where(motion, x, node), where(motion, motion.v, node)
-    a = where(motion, motion.acceleration, node)
+    p, u = where(motion.stride, x, node), where(motion.stride, motion.v, node)
+    a = where(motion.stride, motion.acceleration, node)
     half = 0.5 * s * s
     return (
         p[0] - s * u[0] + half * a[0],
@@ -127,12 +124,14 @@ def members(touch: Any, contact: int) -> Any:
 def signed_height(touch: Any, motion: Any, x: Any, contact: int) -> float:
     """Return how far the node is above the plane of the face [m]."""
     p, a, b, c = members(touch, contact)
-    origin = where(motion, x, a)
-    normal = cross(minus(where(motion, x, b), origin), minus(where(motion, x, c), origin))
+    origin = where(motion.stride, x, a)
+    normal = cross(
+        minus(where(motion.stride, x, b), origin), minus(where(motion.stride, x, c), origin)
+    )
     size = math.sqrt(dot(normal, normal))
     if size == 0.0:
         return 0.0
-    return dot(minus(where(motion, x, p), origin), normal) / size
+    return dot(minus(where(motion.stride, x, p), origin), normal) / size
 
 
 @jit

@@ -55,7 +55,10 @@ MOST_SAMPLES = 10.0
 # Entries of the clock.
 TIME, OLD_TIME, STEP, LAST_ERROR = range(FAST + 1, FAST + 5)
 # Entries of the counts.
-STEPS, REJECTED, EVALUATIONS, AT_KNOT, FIRST_STAGE, DENSE, WORST = range(7)
+STEPS, REJECTED, PLACE, DENSE, WORST = range(5)
+# What an entry says of the place where the state is: forces there are not known, are known but
+# change as the state is at a knot, are those of the last stage, are those of the first one.
+AT_START, AT_KNOT, AT_END, IS_READY = range(4)
 
 
 class AdaptiveControl(NamedTuple):
@@ -87,10 +90,9 @@ class Adaptive(NamedTuple):
     clock : (6,) f8
         Largest rms displacement and velocity so far; end and start of the last step, next step,
         error of the last one.
-    counts : (7,) i8
-        Accepted and rejected steps, evaluations of all forces; whether the state is at a knot
-        not yet crossed, whether the first stage of the next step is known, whether the stages of
-        the dense output are; the coordinate that allowed no step.
+    counts : (5,) i8
+        Accepted and rejected steps; where the state is; whether the stages of the dense output
+        are known; the coordinate that allowed no step.
     """
 
     table: Tableau
@@ -124,6 +126,7 @@ class Adaptive(NamedTuple):
             old_x=state[2],
             old_v=state[3],
             old_ledger=ledger,
+            evaluations=np.zeros(1, np.int64),
             out_x=state[4],
             out_v=state[5],
             out_ledger=ledger.copy(),
@@ -138,14 +141,15 @@ class Adaptive(NamedTuple):
             weights=np.zeros((2, number)),
             sums=np.zeros(6 * LEDGER_STRIDE, body.mass.dtype),
             clock=np.zeros(6),
-            counts=np.zeros(7, np.int64),
+            counts=np.zeros(5, np.int64),
         )
 
     @property
     def effort(self) -> dict[str, int]:
         """Numbers of accepted steps, of rejected ones, and of evaluations of all forces."""
-        names = ("steps", "rejected", "evaluations")
-        return {name: int(self.counts[at]) for at, name in enumerate(names)}
+        steps, rejected = (int(self.counts[at]) for at in (STEPS, REJECTED))
+        evaluations = int(self.stages.evaluations[0])
+        return {"steps": steps, "rejected": rejected, "evaluations": evaluations}
 
     def explain(self, experiment: Experiment, assembly: Assembly, time: float) -> Diverged:
         """Return what to raise when no step is small enough at `time` [s]."""
@@ -171,53 +175,16 @@ def _longest_step(body: Body) -> float:
 
 
 @jit
-def _run(work: Any, body: Any, start: Any, rows: Any, t: float, t_to: float) -> None:
-    run_stages(work.table, work.stages, body, start, rows, t, t_to - t, t_to)
-    work.counts[EVALUATIONS] += rows[1] - rows[0]
-
-
-@jit
-def _begin_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> None:
-    """Have the force at the start of the next step in the first stage."""
-    counts = work.counts
-    if counts[AT_KNOT]:
-        _cross(work, body, state, energy, control)
-    elif not counts[FIRST_STAGE]:
-        begin_next(work.table, work.stages, body, state.x.size)
-    counts[FIRST_STAGE] = 1
-    counts[DENSE] = 0
-
-
-@jit
-def _cross(work: Any, body: Any, state: Any, energy: Any, control: Any) -> None:
-    """Go over to the segments that begin at the present time, and evaluate the forces there."""
-    t, counts = work.clock[TIME], work.counts
-    t_to = min(knot_after(body.drives, t), t + control.frame_time)
-    stepping.cross_knot(body, state, energy, t, t_to)
-    _run(work, body, (state.x, state.v), (0, 1), t, t_to)
-    counts[AT_KNOT] = 0
-    counts[FIRST_STAGE] = 1
-
-
-@jit
-def _accept(work: Any, body: Any, state: Any, t: float, t_to: float) -> None:
-    """Make the end of the step the state, and keep its start for the dense output."""
-    table, stages, clock, counts = work.table, work.stages, work.clock, work.counts
-    lanes = body.lanes
-    copy(lanes, stages.old_x, state.x)
-    copy(lanes, stages.old_v, state.v)
-    copy(lanes, state.x, stages.x)
-    copy(lanes, state.v, stages.v)
-    copy_if_any(lanes, stages.old_ledger, state.ledger)
-    blend_ledger(
-        state.ledger, stages.old_ledger, stages.kept, table.weights[table.stages], t_to - t
-    )
-    clock[FAR] = max(clock[FAR], rms_moved(work))
-    clock[FAST] = max(clock[FAST], rms_speed(work))
-    clock[OLD_TIME] = t
-    clock[TIME] = t_to
-    counts[STEPS] += 1
-    counts[FIRST_STAGE] = 0
+def _ready(work: Any, body: Any, state: Any, energy: Any, control: Any) -> None:
+    """Go over to the segments that begin at a knot; have the forces there in the first stage."""
+    t, counts, stages = work.clock[TIME], work.counts, work.stages
+    if counts[PLACE] == AT_START or counts[PLACE] == AT_KNOT:
+        t_to = min(knot_after(body.drives, t), t + control.frame_time)
+        stepping.cross_knot(body, state, energy, t, t_to)
+        run_stages(work.table, stages, body, state.x, state.v, work.table.parts[0], t, t_to)
+    elif counts[PLACE] == AT_END:
+        begin_next(work.table, stages, body, state.x.size)
+    counts[PLACE] = IS_READY
 
 
 @jit
@@ -236,7 +203,7 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
     enough.
     """
     clock, counts = work.clock, work.counts
-    _begin_step(work, body, state, energy, control)
+    _ready(work, body, state, energy, control)
     t = clock[TIME]
     knot = knot_after(body.drives, t)
     h = min(clock[STEP], work.longest)
@@ -247,7 +214,7 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
         if t_to - t < LEAST_STEP * max(t, control.frame_time):
             counts[WORST] = worst_coordinate(work, body)
             return stepping.FAILED
-        _run(work, body, (state.x, state.v), (1, work.table.stages + 1), t, t_to)
+        run_stages(work.table, work.stages, body, state.x, state.v, work.table.parts[1], t, t_to)
         error = relative_error(work, body, t_to - t)
         if error < 1.0:
             break
@@ -255,7 +222,20 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
         counts[REJECTED] += 1
         shrink = SAFETY * error**-power
         h = (t_to - t) * (shrink if shrink > SHRINK else SHRINK)  # also for NaN
-    _accept(work, body, state, t, t_to)
+    stages, lanes = work.stages, body.lanes
+    copy(lanes, stages.old_x, state.x)
+    copy(lanes, stages.old_v, state.v)
+    copy(lanes, state.x, stages.x)
+    copy(lanes, state.v, stages.v)
+    copy_if_any(lanes, stages.old_ledger, state.ledger)
+    weights = work.table.weights[work.table.stages]
+    blend_ledger(state.ledger, stages.old_ledger, stages.kept, weights, t_to - t)
+    clock[FAR] = max(clock[FAR], rms_moved(work))
+    clock[FAST] = max(clock[FAST], rms_speed(work))
+    clock[OLD_TIME], clock[TIME] = t, t_to
+    counts[STEPS] += 1
+    counts[DENSE] = 0
+    counts[PLACE] = AT_KNOT if t_to == knot else AT_END
     before, now = max(clock[LAST_ERROR], 1e-4), max(error, 1e-10)
     memory = MEMORY * 5.0 * power
     grow = SAFETY * now ** (0.75 * memory - power) * before**memory
@@ -264,35 +244,32 @@ def take_step(work: Any, body: Any, state: Any, energy: Any, control: Any) -> in
     # A step cut short by a knot says nothing against the one that was intended.
     clock[STEP] = max(proposed, h) if t_to - t < h else proposed
     clock[LAST_ERROR] = now
-    counts[AT_KNOT] = 1 if t_to == knot else 0
     if not math.sqrt(max(work.free, 1)) * rms_moved(work) < 0.5 * control.limit:
         return stepping.first_escaped(state.x, control.limit)
     return -1
 
 
 @jit
-def _start(work: Any, body: Any, state: Any, control: Any) -> None:
+def _start(work: Any, lanes: Any, state: Any, h: float) -> None:
     work.clock[:] = 0.0
     work.counts[:] = 0
-    work.clock[STEP] = control.h
-    copy(body.lanes, work.start, state.x)
+    work.stages.evaluations[0] = 0
+    work.clock[STEP] = h
+    copy(lanes, work.start, state.x)
     squares = 0.0
     for at in range(state.v.size):
         squares += state.v[at] * state.v[at]
     work.clock[FAST] = math.sqrt(squares / max(work.free, 1))
-    _run(work, body, (state.x, state.v), (0, 1), 0.0, control.h)
-    work.counts[FIRST_STAGE] = 1
 
 
 @jit
 def _fill_in(work: Any, body: Any, now: float) -> None:
     """Interpolate what is to be saved within the last step."""
-    table, stages, counts = work.table, work.stages, work.counts
+    table, stages = work.table, work.stages
     t, t_to = work.clock[OLD_TIME], work.clock[TIME]
-    if not counts[DENSE]:
-        rows = (table.stages + 1, table.nodes.size)
-        _run(work, body, (stages.old_x, stages.old_v), rows, t, t_to)
-        counts[DENSE] = 1
+    if not work.counts[DENSE]:
+        run_stages(table, stages, body, stages.old_x, stages.old_v, table.parts[2], t, t_to)
+        work.counts[DENSE] = 1
     interpolate(table, stages, body, work.weights, t, t_to - t, t_to, now)
 
 
@@ -303,7 +280,7 @@ def _to_time(scheme, body, state, energy, control, frame):
 
     def run(scheme, body, state, energy, control, frame):
         if frame == 0:
-            _start(scheme, body, state, control)
+            _start(scheme, body.lanes, state, control.h)
         stages = scheme.stages
         target = (frame + 1) * control.frame_time
         slack = FRAME_SLACK * target
@@ -315,8 +292,8 @@ def _to_time(scheme, body, state, energy, control, frame):
             _fill_in(scheme, body, target)
         else:
             # What is saved at a knot is what holds from then on, as with fixed steps.
-            if scheme.counts[AT_KNOT]:
-                _cross(scheme, body, state, energy, control)
+            if scheme.counts[PLACE] == AT_KNOT:
+                _ready(scheme, body, state, energy, control)
             copy(body.lanes, stages.out_x, state.x)
             copy(body.lanes, stages.out_v, state.v)
             copy_if_any(body.lanes, stages.out_ledger, state.ledger)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, splat, store
@@ -38,6 +39,8 @@ class Tableau(NamedTuple):
         n; row n of `weights` holds the weights of the step itself.
     error_order : int
         Of the step in the estimated error: it is proportional to its power.
+    parts : (3, 2) i8
+        From which stage to before which one: of the start, of a step, of the dense output.
     nodes : (S,)
         Of all stages; after the first n + 1 come those of the dense output.
     weights, double_weights : (S, S)
@@ -52,6 +55,7 @@ class Tableau(NamedTuple):
     order: int
     stages: int
     error_order: int
+    parts: NDArray[np.int64]
     nodes: Reals
     weights: Reals
     double_weights: Reals
@@ -93,6 +97,7 @@ class Tableau(NamedTuple):
             order=order,
             stages=stages,
             error_order=error_order,
+            parts=np.array([[0, 1], [1, stages + 1], [stages + 1, size]]),
             nodes=weights.sum(axis=1),
             weights=weights,
             double_weights=weights @ weights,
@@ -120,6 +125,8 @@ class Stages(NamedTuple):
         Powers of all stages.
     x, v : (K,)
         A stage, and at last the end of the step.
+    evaluations : (1,) i8
+        Of all forces so far.
     old_x, old_v, old_ledger
         The start of the last step.
     out_x, out_v, out_ledger
@@ -132,6 +139,7 @@ class Stages(NamedTuple):
     kept: Reals | None
     x: Reals
     v: Reals
+    evaluations: NDArray[np.int64]
     old_x: Reals
     old_v: Reals
     old_ledger: Reals
@@ -166,17 +174,17 @@ def _keep_rates(lanes, kept, row, rates):
 
 @jit
 def run_stages(
-    table: Any, stages: Any, body: Any, start: Any, rows: Any, t: float, h: float, t_to: float
+    table: Any, stages: Any, body: Any, x: Any, v: Any, part: Any, t: float, t_to: float
 ) -> None:
-    """Compute the stages `rows`, from first to before last, of a step from `start` at `t`.
+    """Compute the stages of a row of `Tableau.parts`, of a step from (x, v) at `t`.
 
-    `start` is (x, v). The stage state is that of the last one then.
+    The stage state is that of the last one then.
     """
     # All in one loop: functions that return sums of vectors, or are called with all these
     # tables for each stage, take half of the time that the forces take.
-    x, v = start
-    lanes, pitch = body.lanes, stages.pitch
-    for row in range(rows[0], rows[1]):
+    lanes, pitch, h = body.lanes, stages.pitch, t_to - t
+    stages.evaluations[0] += part[1] - part[0]
+    for row in range(part[0], part[1]):
         ahead = table.nodes[row] * h
         for at in range(0, x.size, len(lanes)):
             gain, path = splat(lanes, 0.0), splat(lanes, 0.0)
@@ -185,9 +193,9 @@ def run_stages(
                 gain += table.weights[row, j] * force
                 path += table.double_weights[row, j] * force
             mobility = h * load(lanes, body.inverse_mass, at, 0)
-            first = load(lanes, v, at, 0)
-            store(lanes, stages.v, at, first + mobility * gain)
-            moved = ahead * first + h * mobility * path
+            u = load(lanes, v, at, 0)
+            store(lanes, stages.v, at, u + mobility * gain)
+            moved = ahead * u + h * mobility * path
             store(lanes, stages.x, at, load(lanes, x, at, 0) + moved)
         now = t_to if row == table.stages else t + ahead
         place_driven(body.drives, stages.x, stages.v, now, t, t_to)

@@ -10,6 +10,7 @@ import numpy as np
 
 from openprc.demlat.compiled.packing import Blocks
 from openprc.demlat.compiled.scene_packing import Packing
+from openprc.demlat.contact.findings import can_touch
 from openprc.demlat.contact.table import ContactTable, contact_tables
 from openprc.demlat.models.barhinge.drive_table import drive_table
 from openprc.demlat.models.barhinge.rigid_assembly import (
@@ -108,7 +109,7 @@ def assemble(
     first = experiments[0]
     geometry = first.geometry
     n_elements = int((~geometry.bars.rigid).sum() + (~geometry.hinges.rigid).sum())
-    if knows_constraints(first):
+    if knows_constraints(first) or can_touch(first):
         dims = 3
     single = first.precision == "float32"
     if vectors is None:
@@ -264,8 +265,17 @@ class _Assembler:
             "cosine": np.cos(rest),
             "damping": self.column("hinges", "damping", scale.moment * scale.time),
         }
+        for law, group in (("linear", LinearHinges), ("enhanced-linear", WalledHinges)):
+            chosen = np.flatnonzero(~hinges.rigid & (hinges.law == law))
+            if not len(chosen) and not (law == "linear" and not self.lean):
+                continue
+            more = self._walls(rest) if law == "enhanced-linear" else {}
+            for blocks in self._blocks(hinges.indices, chosen):
+                yield self._group(group, blocks, columns | more, ("j", "k", "i", "l"))
+
+    def _walls(self, rest: Reals) -> dict[str, Reals]:
         low, high = self.column("hinges", "limit_low"), self.column("hinges", "limit_high")
-        walls = {
+        return {
             "sine": np.zeros_like(rest),
             "cosine": np.ones_like(rest),
             "rest_bend": rest,
@@ -274,13 +284,6 @@ class _Assembler:
             "low_room": low,
             "high_room": 2.0 * np.pi - high,
         }
-        for law, group in (("linear", LinearHinges), ("enhanced-linear", WalledHinges)):
-            chosen = np.flatnonzero(~hinges.rigid & (hinges.law == law))
-            if not len(chosen) and not (law == "linear" and not self.lean):
-                continue
-            more = walls if law == "enhanced-linear" else {}
-            for blocks in self._blocks(hinges.indices, chosen):
-                yield self._group(group, blocks, columns | more, ("j", "k", "i", "l"))
 
     def _blocks(self, indices: NDArray[np.int32], chosen: NDArray[np.int64]) -> Iterator[Blocks]:
         if len(chosen):

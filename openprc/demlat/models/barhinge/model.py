@@ -51,6 +51,7 @@ class BarHingeModel:
         self.experiment = experiment
         self.backend = backend
         self.integrator = find_integrator(experiment.integrator)
+        self._scheme: Any = None
 
     @staticmethod
     def supports(experiment: Experiment) -> list[Finding]:
@@ -100,7 +101,7 @@ class BarHingeModel:
         experiment = self.experiment
         assembly = assemble([experiment])
         settings = self._settings(assembly)
-        scheme = self.integrator.load().for_body(assembly.body, settings)
+        scheme = self._scheme = self.integrator.load().for_body(assembly.body, settings)
         control = make_control(self.integrator.step, settings, experiment.steps_per_frame)
         body, state, scale = assembly.body, assembly.state, assembly.scaler.output
         energy = np.zeros(4 * LEDGER_STRIDE, body.mass.dtype)
@@ -124,6 +125,11 @@ class BarHingeModel:
             if escaped >= 0:
                 raise self._diverged(assembly, escaped, time * assembly.scaler.time)
             frame += done
+
+    @property
+    def effort(self) -> dict[str, int]:
+        """Steps and evaluations so far, of an integrator that chooses its steps; else empty."""
+        return getattr(self._scheme, "effort", {})
 
     def _settings(self, assembly: Assembly) -> Settings:
         experiment, unit = self.experiment, assembly.scaler
