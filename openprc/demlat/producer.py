@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -100,6 +100,8 @@ class _Recorder:
         self.experiment = experiment
         self.writer = writer
         self.dims = 2 if experiment.planar else 3
+        self.stored = experiment.stored
+        self.dtype: Literal["f8", "f4"] = "f4" if self.stored.precision == "float32" else "f8"
         self.inputs = _inputs(experiment)
         # The strain of a bar without a rest length is not defined.
         self.with_strain = bool((experiment.geometry.bars.rest_length > 0).all())
@@ -111,7 +113,8 @@ class _Recorder:
             geometry.n_nodes,
             self.dims,
             unit="m",
-            velocities=True,
+            dtype=self.dtype,
+            velocities=self.stored.velocities,
             rest=geometry.positions[:, : self.dims],
             mass=geometry.masses,
             fixed=geometry.fixed,
@@ -126,7 +129,8 @@ class _Recorder:
             writer.declare_elements(
                 "bars",
                 bars.indices,
-                series=series,
+                series=series if self.stored.elements else {},
+                dtype=self.dtype,
                 static=_constants(
                     bars,
                     rest_length="m",
@@ -141,7 +145,8 @@ class _Recorder:
             writer.declare_elements(
                 "hinges",
                 hinges.indices,
-                series={"angle": "rad", "torque": "N*m"},
+                series={"angle": "rad", "torque": "N*m"} if self.stored.elements else {},
+                dtype=self.dtype,
                 static=_constants(
                     hinges,
                     rest_angle="rad",
@@ -163,12 +168,12 @@ class _Recorder:
         times = (first + np.arange(len(block.x))) * self.experiment.save_interval
         geometry = self.experiment.geometry
         elements: dict[tuple[str, str], NDArray[np.float64]] = {}
-        if len(bars := geometry.bars):
+        if self.stored.elements and len(bars := geometry.bars):
             elements["bars", "length"] = block.length
             elements["bars", "force"] = block.tension
             if self.with_strain:
                 elements["bars", "strain"] = block.length / bars.rest_length - 1.0
-        if len(geometry.hinges):
+        if self.stored.elements and len(geometry.hinges):
             elements["hinges", "angle"] = block.angle
             elements["hinges", "torque"] = block.moment
         system = {name: block.energy[:, kind] for kind, name in enumerate(ENERGIES)}
@@ -180,7 +185,7 @@ class _Recorder:
         self.writer.append(
             times,
             positions=block.x[..., : self.dims],
-            velocities=block.v[..., : self.dims],
+            velocities=block.v[..., : self.dims] if self.stored.velocities else None,
             elements=elements,
             system=system,
             inputs={

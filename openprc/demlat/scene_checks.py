@@ -89,7 +89,7 @@ def coincident_nodes(experiment: Experiment) -> Iterator[Finding]:
     # Only a plan needs neighbours; a run does not load scipy for it.
     from scipy.spatial import cKDTree
 
-    distance, nearest = cKDTree(positions).query(positions, k=2)
+    distance, nearest = (np.asarray(part) for part in cKDTree(positions).query(positions, k=2))
     at = np.flatnonzero(distance[:, 1] <= COINCIDENT * size)
     if len(at):
         other = int(nearest[at[0]][nearest[at[0]] != at[0]][0])

@@ -23,6 +23,7 @@ from openprc.schema.experiment import (
     Precision,
     Signal,
     StepCheck,
+    Stored,
     load_experiment,
     save_experiment,
 )
@@ -67,6 +68,7 @@ class SimulationSetup(GeometryBuilder):
         self._actuators: list[Actuator] = []
         self._times: dict[str, Any] = {}
         self._physics: dict[str, Any] = {}
+        self._stored = Stored()
         self._legacy = False
         present = [self.directory / "input" / name for name in NAMES]
         if not overwrite and (present[0].exists() or present[2].exists()):
@@ -269,6 +271,27 @@ class SimulationSetup(GeometryBuilder):
             "bar_damping": bar_damping,
         }
 
+    def set_export(
+        self,
+        *,
+        precision: Precision = "float64",
+        velocities: bool = True,
+        elements: bool = True,
+    ) -> None:
+        """Set what a run stores beside positions, inputs and energies.
+
+        Parameters
+        ----------
+        precision : {"float64", "float32"}
+            Of what is stored about nodes and elements; float32 halves the file.
+        velocities : bool
+        elements : bool
+            Lengths, strains and forces of bars, angles and torques of hinges.
+        """
+        self._stored = Stored(
+            precision=precision, velocities=bool(velocities), elements=bool(elements)
+        )
+
     # --- result -----------------------------------------------------------------------------
 
     def experiment(self) -> Experiment:
@@ -292,6 +315,7 @@ class SimulationSetup(GeometryBuilder):
             geometry=self.geometry(),
             signals=self._signals,
             actuators=tuple(self._actuators),
+            stored=self._stored,
             overwrite=self.overwrite,
             path=self.directory,
             **self._times | ({"dt": self._times["save_interval"]} if chosen else {}),
@@ -341,5 +365,6 @@ class SimulationSetup(GeometryBuilder):
             name: getattr(experiment, name)
             for name in ("gravity", "damping", "collision", "bar_damping")
         }
+        self._stored = experiment.stored
         self.overwrite = experiment.overwrite
         self._legacy = experiment.layout == "legacy"

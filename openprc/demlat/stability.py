@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -243,7 +243,7 @@ def _recommended(kind: str, limit: float, omega: float, zeta: float) -> float:
     if kind != "rk4" or omega == 0.0:
         return most
     # rk4 damps like zeta_num = phase^5 / 144 while the phase h omega is well below the limit.
-    phase = max((144.0 * zeta) ** 0.2, ACCURATE * RK4_UNDAMPED)
+    phase: float = max((144.0 * zeta) ** 0.2, ACCURATE * RK4_UNDAMPED)
     return min(most, phase / omega)
 
 
@@ -294,11 +294,13 @@ class _Projections:
 
     def parts(self, vector: Reals) -> Reals:
         """Return the components of a vector: (size,)."""
-        return np.einsum("mi,i->m", self.basis, vector)
+        parts: Reals = np.einsum("mi,i->m", self.basis, vector)
+        return parts
 
-    def combined(self, coefficients: Reals) -> Reals:
+    def combined(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         """Return the vector that has these components: (n_free,), complex allowed."""
-        return np.einsum("mi,m->i", self.basis, coefficients)
+        vector: NDArray[Any] = np.einsum("mi,m->i", self.basis, coefficients)
+        return vector
 
     def add(self, vector: Reals) -> bool:
         """Add the part of `vector` that is new; return whether there was any."""

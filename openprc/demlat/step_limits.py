@@ -176,4 +176,5 @@ def _pefrl_radius(h: Reals, stiffness: Reals, damping: Reals) -> Reals:
             push = span * stiffness * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))
             velocity = rk4_growth(z)[..., None] * matrix[..., 1, :]
             matrix[..., 1, :] = velocity - push[..., None] * matrix[..., 0, :]
-    return np.abs(np.linalg.eigvals(matrix)).max(axis=-1)
+    radius: Reals = np.abs(np.linalg.eigvals(matrix)).max(axis=-1)
+    return radius

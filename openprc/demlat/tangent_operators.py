@@ -5,7 +5,7 @@ No matrix is assembled, so that a million elements need little more than their o
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -33,12 +33,12 @@ class Culprit(NamedTuple):
     Attributes
     ----------
     kind : {"bar", "hinge", "node"}
-    index : int
+    number : int
     text : str
     """
 
-    kind: str
-    index: int
+    kind: Literal["bar", "hinge", "node"]
+    number: int
     text: str
 
 
@@ -71,7 +71,9 @@ def hinge_flatness(positions: Reals, indices: NDArray[np.int32]) -> Reals:
     areas = [np.linalg.norm(np.cross(wing - j, k - j), axis=1) for wing in (i, l)]
     longest = np.max([np.linalg.norm(wing - j, axis=1) for wing in (i, k, l)], axis=0)
     size = crease * longest
-    return np.divide(np.minimum(*areas), size, out=np.zeros_like(size), where=size > 0)
+    flatness: Reals = np.zeros_like(size)
+    np.divide(np.minimum(*areas), size, out=flatness, where=size > 0)
+    return flatness
 
 
 class TangentOperators:
@@ -284,8 +286,8 @@ class TangentOperators:
         if kind == "hinge":
             corners = self._corners[index]
             index = int(self._sound[index])
-            return Culprit(kind, index, f"hinge {index} on the crease {corners[0]}-{corners[1]}")
+            return Culprit("hinge", index, f"hinge {index} on the crease {corners[0]}-{corners[1]}")
         if kind == "bar":
             i, j = self._ends[index]
-            return Culprit(kind, index, f"bar {index} between nodes {i} and {j}")
-        return Culprit(kind, index, f"the drag on node {index}")
+            return Culprit("bar", index, f"bar {index} between nodes {i} and {j}")
+        return Culprit("node", index, f"the drag on node {index}")

@@ -142,6 +142,7 @@ class Declarations(DeclaredValues):
         series: Mapping[str, str] | None = None,
         widths: Mapping[str, int] | None = None,
         static: Mapping[str, tuple[ArrayLike, str | None]] | None = None,
+        dtype: Literal["f8", "f4"] = "f8",
     ) -> None:
         """Declare elements between nodes.
 
@@ -156,11 +157,15 @@ class Declarations(DeclaredValues):
         widths : mapping of quantity to k
             For quantities of shape (E, k).
         static : mapping of property to ((E,) array, unit or None for codes and names)
+        dtype : {"f8", "f4"}
+            Of the series.
         """
         self._open_for("declare_elements")
         key = f"/topology/{self._name(kind, '/topology')}/indices"
         if kind == "nodes":
             raise self._error(key, "elements named 'nodes'", "bars, faces, hinges, ...")
+        if dtype not in ("f8", "f4"):
+            raise self._error(key, f"dtype {dtype!r}", "'f8' or 'f4'")
         table = np.asarray(indices)
         if table.ndim != 2 or table.dtype.kind not in "iu":
             raise self._error(key, f"{table.dtype} of shape {table.shape}", "(E, k) integers")
@@ -189,7 +194,7 @@ class Declarations(DeclaredValues):
             if width is not None and width < 1:
                 raise self._error(path, f"a width of {width}", "1 or more")
             row = (len(table),) if width is None else (len(table), int(width))
-            self._stream(path, row, "f8", self._unit(symbol, path))
+            self._stream(path, row, dtype, self._unit(symbol, path))
         for name, (values, unit) in (static or {}).items():
             path = f"/topology/{kind}/{self._name(name, key)}"
             array = self._constants(path, values)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -146,6 +146,23 @@ class Collision:
     faces: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """What a run leaves in its file; positions, inputs and energies are always there.
+
+    Parameters
+    ----------
+    precision : {"float64", "float32"}
+        Of positions, velocities and quantities of elements.
+    velocities, elements : bool
+        Whether velocities, and quantities of elements, are stored.
+    """
+
+    precision: Precision = "float64"
+    velocities: bool = True
+    elements: bool = True
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Experiment:
     """A body, what drives it, and how long to watch.
@@ -179,6 +196,8 @@ class Experiment:
     step_check : {"refuse", "warn"}
         What happens when `dt` is above the stability limit that is estimated before the run:
         nothing is run, or it runs with a remark.
+    stored : Stored
+        What a run leaves in its file.
     overwrite : bool
         A new run may replace the finished result of an earlier one.
     path : Path, optional
@@ -204,6 +223,7 @@ class Experiment:
     tolerance: float | None = None
     constraint_tolerance: float | None = None
     precision: Precision = "float64"
+    stored: Stored = field(default_factory=lambda: Stored())
     step_check: StepCheck = "refuse"
     overwrite: bool = False
     path: Path | None = None
@@ -294,6 +314,11 @@ class Experiment:
             simulation["precision"] = self.precision
         if self.step_check != "refuse":
             simulation["step_check"] = self.step_check
+        export = {
+            column.name: getattr(self.stored, column.name)
+            for column in fields(Stored)
+            if getattr(self.stored, column.name) != column.default
+        }
         return {
             "openprc_config": "1.0",
             "simulation": simulation,
@@ -307,7 +332,7 @@ class Experiment:
                 }
                 for actuator in self.actuators
             ],
-            "export": {"overwrite": self.overwrite},
+            "export": {"overwrite": self.overwrite} | export,
         }
 
 

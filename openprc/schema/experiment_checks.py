@@ -138,6 +138,7 @@ def check_times(experiment: Experiment, mistakes: Mistakes) -> None:
     for key, value, known in (
         ("physics.bar_damping", experiment.bar_damping, BAR_DAMPINGS),
         ("simulation.precision", experiment.precision, PRECISIONS),
+        ("export.precision", experiment.stored.precision, PRECISIONS),
         ("simulation.step_check", experiment.step_check, STEP_CHECKS),
     ):
         if value not in known:

@@ -30,6 +30,7 @@ from openprc.schema.experiment import (
     Collision,
     Experiment,
     Signal,
+    Stored,
 )
 from openprc.schema.experiment_checks import check_experiment
 from openprc.schema.experiment_reader import (
@@ -46,7 +47,7 @@ from openprc.schema.units import UNITS, conversion_factor
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.schema.config import Config
+    from openprc.schema.config_sections import Config
 
 NAMES = ("geometry.h5", "signals.h5", "config.json")
 BAR_UNITS = {"stiffness": "N/m", "rest_length": "m", "damping": "N*s/m", "prestress": "1"}
@@ -126,6 +127,11 @@ def read_experiment(directory: str | Path) -> Experiment:
         constraint_tolerance=times.constraint_tolerance,
         precision=times.precision,
         step_check=times.step_check,
+        stored=Stored(
+            precision=config.export.precision,
+            velocities=config.export.velocities,
+            elements=config.export.elements,
+        ),
         overwrite=config.export.overwrite,
         path=folder.parent if folder.name == "input" else folder,
         sources=tuple(sources),

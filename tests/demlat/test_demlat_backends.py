@@ -15,6 +15,7 @@ from openprc.demlat.backends.devices import n_nvidia_devices
 from openprc.demlat.models.barhinge.assembly import assemble
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate, observe
 from openprc.demlat.models.barhinge.tables import LEDGER, LEDGER_STRIDE
+from openprc.demlat.observables import hinge_angles
 from openprc.schema.experiment_checks import check_experiment
 
 COLUMNS = ("x", "v", "length", "tension", "angle", "moment", "energy", "ledger")
@@ -97,7 +98,7 @@ def place_in_plain_python(scene, assembly):
         v[at(3, axis, 0)] = speed.values[0, axis] / unit.velocity
 
 
-# --- the scenes -----------------------------------------------------------------------------------
+# --- the scenes ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -113,10 +114,15 @@ def test_walls_cables_and_struts_are_all_at_work(on_cpu):
     for kind in ("cable", "strut"):
         assert (on_cpu["tension"][law == kind] == 0.0).any()
         assert (on_cpu["tension"][law == kind] != 0.0).any()
-    assert np.abs(on_cpu["moment"]).max() > 10 * scene.geometry.hinges.stiffness.max()
+    hinges = scene.geometry.hinges
+    angles = hinge_angles(scene.geometry.positions[None], hinges)[0]
+    walled = hinges.law == "enhanced-linear"
+    assert (angles[walled] > hinges.limit_high[walled]).any()
+    assert (angles[walled] < hinges.limit_low[walled]).any()
+    assert (np.abs(angles[walled] - np.pi) < 1).any()
 
 
-# --- forces and energies at an instant --------------------------------------------------------------
+# --- forces and energies at an instant ----------------------------------------------------------
 
 
 def test_derivatives_of_the_energy_are_the_compiled_forces(on_cpu):
@@ -142,12 +148,8 @@ def test_derivatives_of_the_energy_are_the_compiled_forces(on_cpu):
 
 
 def test_cuda_forces_are_the_compiled_forces(on_cpu, simulated):
-    free = ~scene_of_every_law().held_axes
-    moving = scene_of_every_law().driven_axes("position") | scene_of_every_law().driven_axes(
-        "velocity"
-    )
-    agree(simulated["laws forces"][free], on_cpu["forces"][free])
-    agree(simulated["laws forces"][moving], on_cpu["forces"][moving])
+    # Of fixed nodes the reactions are compared as well; weight is not among them.
+    agree(simulated["laws forces"], on_cpu["forces"])
 
 
 @pytest.mark.parametrize("name", ["in_jax", "simulated"])
@@ -185,7 +187,7 @@ def test_printed_damping_is_the_printed_formula(simulated):
     agree(losses, np.array([0.0, -np.sum((expected - spring) * v), 0.0]))
 
 
-# --- runs -------------------------------------------------------------------------------------------
+# --- runs ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("column", COLUMNS)
@@ -203,7 +205,7 @@ def test_cuda_closes_the_energy_balance(simulated):
     run = simulated_run(simulated, "printed")
     balance = run["energy"].sum(axis=1) - run["ledger"][:, 0] + run["ledger"][:, 1:].sum(axis=1)
     np.testing.assert_allclose(balance, balance[0], rtol=1e-6)
-    assert run["ledger"][-1, 2] > 0.1 * balance[0]
+    assert run["ledger"][-1, 2] > 0.01 * balance[0]
 
 
 def test_the_same_bits_every_time_and_in_one_block(simulated):

@@ -151,10 +151,10 @@ def test_a_machine_without_a_device(monkeypatch):
 
 
 class FakeDriver:
-    def cuInit(self, flags):  # noqa: N802
+    def cuInit(self, flags):
         return 0
 
-    def cuDeviceGetCount(self, count):  # noqa: N802
+    def cuDeviceGetCount(self, count):
         count._obj.value = 2
         return 0
 

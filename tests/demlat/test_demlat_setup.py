@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from openprc import demlat
 from openprc.demlat import SimulationSetup
 from openprc.errors import ConfigError, ResultExists
+from openprc.schema import Trajectory
 from openprc.schema.experiment import load_experiment
 
 UPSTREAM = Path(__file__).resolve().parents[2] / "../shared/data/upstream"
@@ -170,3 +172,32 @@ def test_unknown_names_are_no_attributes():
     assert "Engine" in dir(openprc.demlat)
     with pytest.raises(AttributeError, match="no attribute 'Motor'"):
         _ = openprc.demlat.Motor
+
+
+def test_what_is_stored_can_be_chosen(tmp_path):
+    setup = SimulationSetup(tmp_path / "small", overwrite=True)
+    a = setup.add_node([0, 0, 0], fixed=True)
+    b = setup.add_node([1.1, 0.2, 0])
+    setup.add_bar(a, b, stiffness=5.0, rest_length=1.0)
+    setup.set_simulation_params(duration=0.1, dt=0.01, save_interval=0.01)
+    whole = demlat.Engine(demlat.BarHingeModel).run(setup.save()[0].parents[1]).path
+    setup.set_export(precision="float32", velocities=False, elements=False)
+    setup.save(tmp_path / "lean")
+    assert SimulationSetup(tmp_path / "lean").experiment().stored.precision == "float32"
+    lean = demlat.Engine(demlat.BarHingeModel).run(tmp_path / "lean").path
+    with Trajectory(whole) as one, Trajectory(lean) as two:
+        assert one.element_series("bars") == ("force", "length", "strain")
+        assert two.element_series("bars") == ()
+        assert two.has("/topology/bars/indices")
+        assert not two.has("/time_series/nodes/velocities")
+        np.testing.assert_array_equal(two.positions(), one.positions().astype("f4"))
+        np.testing.assert_array_equal(two.system("total_energy"), one.system("total_energy"))
+
+
+def test_an_unknown_storage_precision_is_named(tmp_path):
+    setup = SimulationSetup(tmp_path)
+    setup.add_node([0, 0, 0])
+    setup.set_simulation_params(duration=0.1, dt=0.01, save_interval=0.01)
+    setup.set_export(precision="float16")
+    with pytest.raises(ConfigError, match=r"export.precision: 'float16'"):
+        setup.save()

@@ -6,7 +6,8 @@ import json
 import pytest
 
 from openprc.errors import ConfigError, SchemaTooNew, UnreadableFile
-from openprc.schema.config import Config, load_config, parse_config
+from openprc.schema.config import load_config, parse_config
+from openprc.schema.config_sections import Config
 from openprc.schema.experiment import whole_multiple
 
 GOOD = {

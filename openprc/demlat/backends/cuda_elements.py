@@ -22,7 +22,7 @@ TINY = laws.TINY
 LINEAR, CUBIC, CABLE, STRUT, OGDEN = range(5)
 #: Rows of `Bars.reals` and `Hinges.reals`.
 STIFFNESS, RELAXED, DAMPING, STIFFNESS_CUBIC, DAMPING_CUBIC, DRAG_I, DRAG_J = range(7)
-SINE, COSINE, LOW, HIGH, LOW_ROOM, HIGH_ROOM = 1, 3, 4, 5, 6, 7
+SINE, COSINE, REST_BEND, LOW, HIGH, LOW_ROOM, HIGH_ROOM = 1, 3, 4, 5, 6, 7, 8
 #: Rows of `Nodes.motion`, three axes each; every stage reads the stage rows.
 X, V, STAGE_X, STAGE_V, SUM_X, SUM_V = range(0, 18, 3)
 
@@ -50,9 +50,9 @@ class Hinges(NamedTuple):
     ----------
     nodes : (5, K) i4
         j, k, i, l, and 1 where there are walls beyond limits.
-    reals : (8, K)
-        Stiffness, sine, damping, cosine, low, high, low room, high room, as in the tables of
-        the compiled kernels.
+    reals : (9, K)
+        Stiffness, sine, damping, cosine, rest bend (0 where the sine and cosine turn it back),
+        low, high, low room, high room, as in the tables of the compiled kernels.
     """
 
     nodes: Any
@@ -246,7 +246,8 @@ def measure_hinge(h: int, hinges: Hinges, motion: Any) -> Any:
     ex, ey, ez = between(motion, STAGE_V, j, k)
     rate = ix * (ux - at_i * ex) + iy * (uy - at_i * ey) + iz * (uz - at_i * ez)
     rate += lx * (wx + at_l * ex) + ly * (wy + at_l * ey) + lz * (wz + at_l * ez)
-    return arctangent(away, along), rate, ix, iy, iz, lx, ly, lz, at_i, at_l
+    change = arctangent(away, along) - hinges.reals[REST_BEND, h]
+    return change, rate, ix, iy, iz, lx, ly, lz, at_i, at_l
 
 
 @device

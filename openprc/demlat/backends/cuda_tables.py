@@ -23,6 +23,7 @@ from openprc.demlat.backends.cuda_elements import (
     LOW_ROOM,
     OGDEN,
     RELAXED,
+    REST_BEND,
     SINE,
     STIFFNESS,
     STIFFNESS_CUBIC,
@@ -60,6 +61,7 @@ _HINGE_ROWS = {
     "sine": SINE,
     "damping": DAMPING,
     "cosine": COSINE,
+    "rest_bend": REST_BEND,
     "low": LOW,
     "high": HIGH,
     "low_room": LOW_ROOM,
@@ -144,7 +146,7 @@ def bar_table(groups: tuple[Any, ...], n_bars: int) -> Bars:
 
 def hinge_table(groups: tuple[Any, ...], n_hinges: int) -> Hinges:
     """Return the hinges of all groups in the order of the geometry, on the host."""
-    table = Hinges(np.zeros((5, n_hinges), np.int32), np.zeros((8, n_hinges)))
+    table = Hinges(np.zeros((5, n_hinges), np.int32), np.zeros((9, n_hinges)))
     for group in groups:
         table.nodes[:4, group.element] = group.j, group.k, group.i, group.l
         table.nodes[4, group.element] = isinstance(group, tables.WalledHinges)

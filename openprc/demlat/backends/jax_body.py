@@ -68,7 +68,8 @@ class JaxBody:
         self.corners = np.array(hinges.indices)
         self.of_law = {law: np.flatnonzero(bars.law == law) for law in BAR_LAWS}
         self.printed = experiment.bar_damping == "printed"
-        self.walled = np.flatnonzero(hinges.law == "enhanced-linear")
+        self.has_walls = np.array(hinges.law == "enhanced-linear")
+        self.walled = np.flatnonzero(self.has_walls)
         self.limits = np.array([hinges.limit_low, hinges.limit_high])[:, self.walled]
         self.massive = np.array(geometry.masses > 0)
         self.free = ~experiment.held_axes
@@ -83,8 +84,9 @@ class JaxBody:
     def bends(self, x: Array, rest_angle: Array) -> Array:
         """Return angles minus rest angles: (K,) [rad].
 
-        The wings, made perpendicular to the crease, are at the dihedral angle; turning back by
-        the rest angle before the arctangent is taken needs no wrapping.
+        The wings, made perpendicular to the crease, are at the dihedral angle. Turning back by
+        the rest angle before the arctangent is taken means the shorter way round; hinges with
+        walls cannot go through shut, so they are turned back by pi, where they are flat.
         """
         j, k, i, l = (x[self.corners[:, c]] for c in range(4))  # noqa: E741
         crease = k - j
@@ -94,8 +96,10 @@ class JaxBody:
             wings.append(wing - jnp.sum(wing * along, axis=1, keepdims=True) * along)
         sine = jnp.sum(along * jnp.cross(wings[0], wings[1]), axis=1)
         cosine = jnp.sum(wings[0] * wings[1], axis=1)
-        s, c = jnp.sin(rest_angle), jnp.cos(rest_angle)
-        return jnp.arctan2(sine * c - cosine * s, cosine * c + sine * s)
+        s = jnp.where(self.has_walls, 0.0, jnp.sin(rest_angle))
+        c = jnp.where(self.has_walls, -1.0, jnp.cos(rest_angle))
+        turned = jnp.arctan2(sine * c - cosine * s, cosine * c + sine * s)
+        return turned - jnp.where(self.has_walls, rest_angle - np.pi, 0.0)
 
     # --- energies ---------------------------------------------------------------------------
 

@@ -56,9 +56,11 @@ from openprc.demlat.models.barhinge.tables import CONTACT, LEDGER_STRIDE, WORK_I
 #: Speeds below this share of those that make them up are rounding.
 ROUNDING = 1e-12
 #: Sweeps end when no normal speed changes by more than this share of the largest one.
-CONVERGED = 1e-11
+CONVERGED = 1e-9
 #: Gaps below this share of the distance of contact are closed.
 CLOSED = 1e-13
+#: Sweeps end when no gap is left that is more negative than this share.
+SHUT = 1e-9
 ONES = (1.0, 1.0, 1.0)
 
 
@@ -297,23 +299,23 @@ def _bounce(touch: Any, motion: Any, roles: Any, normal: Any, restitution: float
 
 
 @jit
-def strike(touch: Any, motion: Any, contact: int) -> bool:
-    """Let two bodies bounce if they met during the step; say whether they did."""
+def strike(touch: Any, motion: Any, contact: int) -> int:
+    """Let two bodies that met in the step bounce; return 2 then, 1 if they stay together, or 0."""
     latest = _latest(touch, contact)
     s = time_of_impact(touch, motion, contact, latest)
     if s < 0.0:
-        return False
+        return 0
     gap, normal, shares, inside = measure(touch, motion, motion.x, contact, s)
     roles = _roles(touch, contact, shares)
     if mobility(motion, roles, normal) <= 0.0:
-        return False
+        return 0
     u = approach(motion, roles, s)
     end = approach(motion, roles, 0.0)
     speed = dot(u, normal)
     if speed >= -ROUNDING * (abs(dot(end, normal)) + math.sqrt(dot(u, u))):
-        return False
+        return 0
     if not inside and is_seam(touch, motion, contact, shares, s):
-        return False
+        return 0
     restitution, most = touch.restitution, min(gap, touch.record[contact, ALLOWED])
     for _ in range(2):
         impulse = _bounce(touch, motion, roles, normal, restitution, s)
@@ -331,7 +333,7 @@ def strike(touch: Any, motion: Any, contact: int) -> bool:
             and dot(where(motion.stride, motion.inverse_mass, roles[0][k]), ONES) > 0.0
         ):
             touch.since[roles[0][k]] = s
-    return True
+    return 2 if restitution > 0.0 else 1
 
 
 @jit
@@ -368,17 +370,19 @@ def let_bounce(touch: Any, motion: Any) -> bool:
     count = sort_by_time(touch, motion)
     if count == 0:
         return False
-    any_at_all = False
+    strongest = 0
     for place in range(count):
-        any_at_all |= strike(touch, motion, touch.near[place, ORDER])
+        strongest = max(strongest, strike(touch, motion, touch.near[place, ORDER]))
     n = touch.count[0]
     for sweep in range(touch.iterations):
-        struck = False
+        # Who only lands is left to `let_rest`.
+        again = 0
         for place in range(n):
-            struck |= strike(touch, motion, place if sweep % 2 == 0 else n - 1 - place)
-        if not struck:
+            again = max(again, strike(touch, motion, place if sweep % 2 == 0 else n - 1 - place))
+        strongest = max(strongest, again)
+        if again < 2:
             break
-    return any_at_all
+    return strongest > 0
 
 
 # --- rest and gaps --------------------------------------------------------------------------
@@ -484,7 +488,7 @@ def let_part(touch: Any, motion: Any) -> bool:
         for place in range(n):
             c = place if sweep % 2 == 0 else n - 1 - place
             worst = max(worst, separate(touch, motion, c))
-        if worst == 0.0:
+        moved |= worst > 0.0
+        if worst <= SHUT * touch.distance:
             break
-        moved = True
     return moved

@@ -64,6 +64,8 @@ class Integrator:
         Whose limit on the step applies; see `openprc.demlat.stability`.
     use : str
         When to choose it.
+    vectors : bool
+        Whether it can step many elements, or scenes, at once.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Integrator:
     step: Literal["fixed", "adaptive", "legacy"] = "fixed"
     rigid: Literal["no", "exact", "projected"] = "no"
     stability: Literal["rk4", "verlet", "pefrl", "none"] = "none"
+    vectors: bool = True
 
     def load(self) -> Any:
         """Return the class of the scheme's work arrays."""
@@ -143,6 +146,14 @@ INTEGRATORS: Mapping[str, Integrator] = MappingProxyType(
                 rigid="projected",
                 stability="rk4",
                 use="rigid bars and hinges, and hinges with hard stops: the paper's hybrid",
+            ),
+            Integrator(
+                name="midpoint",
+                order=2,
+                path=f"{_HERE}.midpoint:Midpoint",
+                stages=4,
+                vectors=False,
+                use="very stiff bodies and slow loads: stable at any step",
             ),
             Integrator(
                 name="rk45",

@@ -160,9 +160,9 @@ class Adaptive(NamedTuple):
             f" t = {time:.6g} s for node {node} along {'xyz'[axis]}",
             expected="forces that are finite and smooth between the knots of the signals",
             fix="look there for a bar of no length, a panel folded onto its crease or a force"
-            " without bound; or use an integrator with a fixed step, which does not stop for it;"
-            " frames up to then are in the partial file",
-            key="simulation.integrator",
+            f" without bound, or loosen the tolerance of {self.tolerance:g}, which cannot be less"
+            " than the rounding of the numbers; frames up to then are in the partial file",
+            key="simulation.tolerance",
         )
 
 

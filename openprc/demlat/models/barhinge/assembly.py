@@ -12,6 +12,7 @@ from openprc.demlat.compiled.packing import Blocks
 from openprc.demlat.compiled.scene_packing import Packing
 from openprc.demlat.contact.findings import can_touch
 from openprc.demlat.contact.table import ContactTable, contact_tables
+from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.models.barhinge.drive_table import drive_table
 from openprc.demlat.models.barhinge.rigid_assembly import (
     RigidScene,
@@ -34,6 +35,7 @@ from openprc.demlat.models.barhinge.tables import (
     WalledHinges,
 )
 from openprc.demlat.scaling import SimulationScaler
+from openprc.errors import UnsupportedScene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -112,6 +114,17 @@ def assemble(
     if knows_constraints(first) or can_touch(first):
         dims = 3
     single = first.precision == "float32"
+    scheme = INTEGRATORS.get(first.integrator)
+    one_by_one = scheme is not None and not scheme.vectors
+    if len(experiments) > 1 and (one_by_one or knows_constraints(first)):
+        raise UnsupportedScene(
+            f"{len(experiments)} scenes side by side with the integrator {first.integrator!r}",
+            expected="one scene, or an integrator that steps vectors",
+            fix="run the scenes one by one, or use rk4 or verlet",
+            key="simulation.integrator",
+        )
+    if one_by_one:
+        vectors = False
     if vectors is None:
         vectors = n_elements >= LEAST_ELEMENTS or len(experiments) > 1 or single
     packing = Packing.plan(

@@ -145,3 +145,28 @@ def wall_energy(excess: float, stiffness: float, room: float) -> float:
     """Return the integral of `wall_moment` over the excess [J]."""
     scale = room / HALF_PI
     return -stiffness * (scale * scale * math.log(math.cos(excess / scale)) + 0.5 * excess * excess)
+
+
+# --- tangents: derivatives of the laws above, for implicit schemes -----------------------------
+
+
+def linear_tangent(stretch: float, stiffness: float) -> float:
+    """Return d(tension)/d(stretch) [N/m] of `linear_tension`."""
+    return stiffness + 0.0 * stretch
+
+
+def cubic_tangent(stretch: float, stiffness: float, cubic: float) -> float:
+    """Return d(tension)/d(stretch) [N/m] of `cubic_tension`; of cubic dashpots, by the rate."""
+    return stiffness + 3.0 * cubic * stretch * stretch
+
+
+def ogden_tangent(stretch: float, stiffness: float, relaxed: float) -> float:
+    """Return d(tension)/d(stretch) [N/m] of `ogden_tension`: ``k (1 + e)^3``."""
+    ratio = 1.0 + stretch / relaxed
+    return stiffness * ratio * ratio * ratio
+
+
+def wall_tangent(excess: float, stiffness: float, room: float) -> float:
+    """Return d(moment)/d(angle) [N m/rad] of `wall_moment`: ``k tan(pi e / (2 r))^2``."""
+    tangent = math.tan(HALF_PI * excess / room)
+    return stiffness * tangent * tangent

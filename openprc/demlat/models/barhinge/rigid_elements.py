@@ -125,9 +125,7 @@ def project_positions(rigid: Any, x: Any) -> None:
 def project_velocities(rigid: Any, v: Any) -> None:
     """Take from `v` what would break the constraints at the positions of the last `prepare`."""
     tolerance = min(rigid.tolerance, JUMP)
-    algebra.project_velocities(
-        v, rigid.table, rigid.work, rigid.factor, tolerance, VELOCITY_SOLVES
-    )
+    algebra.project_velocities(v, rigid.table, rigid.work, rigid.factor, tolerance, VELOCITY_SOLVES)
 
 
 @jit
