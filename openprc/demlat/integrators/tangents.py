@@ -172,7 +172,6 @@ def _add_bar_tangents(group, places, tangent, body, x, v, by_x, by_v, definite):
     return _add_springs
 
 
-@jit
 def _add_springs(group, places, tangent, body, x, v, by_x, by_v, definite):
     values, stride = tangent.factor.values, body.stride
     for e in range(group.i.size):
@@ -202,7 +201,6 @@ def _add_springs(group, places, tangent, body, x, v, by_x, by_v, definite):
                 values[places[e, 2, a, b]] -= entry
 
 
-@jit
 def _add_printed(group, places, tangent, body, x, v, by_x, by_v, definite):
     values = tangent.factor.values
     for e in range(group.i.size):
