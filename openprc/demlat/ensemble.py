@@ -211,7 +211,7 @@ def _run_block(
     h = frame_time / first.steps_per_frame
     settings = Settings(h=h, frame_time=frame_time, ledger=False)
     scheme = find_integrator(first.integrator).load().for_body(assembly.body, settings)
-    control = FixedControl(frame_time, first.steps_per_frame, h, np.inf)
+    control = FixedControl(frame_time, first.steps_per_frame, h, 0.0)
     rows = max(1, min(first.n_frames, (8 << 20) // (16 * width * first.geometry.n_nodes * dims)))
     shape = (width, rows, first.geometry.n_nodes, dims)
     buffer = SceneBuffer(np.empty(shape), np.empty(shape))

@@ -145,7 +145,8 @@ def make_plan(experiment: Experiment) -> Plan:
     Examples
     --------
     >>> from openprc.demlat.plan import make_plan
-    >>> from openprc.schema import Bars, Experiment, Geometry
+    >>> from openprc.schema.experiment import Experiment
+    >>> from openprc.schema.geometry import Bars, Geometry
     >>> bars = Bars(indices=[[0, 1]], stiffness=[100.0], rest_length=[1.0])
     >>> body = Geometry(positions=[[0, 0, 0], [1, 0, 0]], masses=[1, 1], fixed=[1, 0], bars=bars)
     >>> plan = make_plan(Experiment(geometry=body, duration=1.0, dt=0.05, save_interval=0.1))
@@ -171,9 +172,9 @@ def make_plan(experiment: Experiment) -> Plan:
         set_by=None if limit.culprit is None else limit.culprit.text,
         loss=limit.loss(experiment.dt) if is_rk4 and experiment.dt <= limit.limit else None,
         n_frames=experiment.n_frames,
-        n_steps=(experiment.n_frames - 1) * experiment.steps_per_frame
-        if scheme.step == "fixed"
-        else None,
+        n_steps=None
+        if scheme.step == "adaptive"
+        else (experiment.n_frames - 1) * experiment.steps_per_frame,
         n_nodes=geometry.n_nodes,
         n_fixed=int(geometry.fixed.sum()),
         n_driven=int(held.any(axis=1).sum()),

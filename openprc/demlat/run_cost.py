@@ -72,7 +72,7 @@ def _evaluations(experiment: Experiment, limit: StepLimit) -> int:
     scheme = find_integrator(experiment.integrator)
     frames = experiment.n_frames - 1
     steps = frames * experiment.steps_per_frame
-    if scheme.step == "fixed":
+    if scheme.step != "adaptive":
         damped = limit.damped and scheme.name == "pefrl"
         return scheme.stages * steps * (PEFRL_DAMPED if damped else 1)
     per_radian, power = ADAPTIVE.get(scheme.name, ADAPTIVE["dop853"])

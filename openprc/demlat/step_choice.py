@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from openprc.demlat.integrators import find_integrator
 from openprc.demlat.stability import step_limit
+from openprc.errors import ConfigError
 from openprc.schema.experiment_checks import check_experiment
 
 if TYPE_CHECKING:
@@ -28,10 +29,15 @@ def with_chosen_step(experiment: Experiment) -> Experiment:
     Raises
     ------
     ConfigError
-        When the experiment is wrong, or its integrator is not known.
+        When the experiment is wrong, its integrator is not known, or reproduces old runs.
     """
     check_experiment(experiment)
-    find_integrator(experiment.integrator)
+    if find_integrator(experiment.integrator).step == "legacy":
+        raise ConfigError(
+            f"dt='auto' with the integrator {experiment.integrator!r}",
+            expected="the step of the run that is to be reproduced",
+            key="simulation.dt",
+        )
     limit = step_limit(experiment)
     n_steps = max(1, math.ceil(experiment.save_interval / limit.recommended * (1.0 - 1e-12)))
     dt = experiment.save_interval / n_steps

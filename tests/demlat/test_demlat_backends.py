@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 import backend_scenes
-import numba
 import numpy as np
 import pytest
 from backend_scenes import scene_of_every_law, scene_of_linear_laws, scene_with_printed_damping
 
 from openprc.demlat.backends.devices import n_nvidia_devices
+from openprc.demlat.compiled.jit import entry
 from openprc.demlat.models.barhinge.assembly import assemble
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate, observe
 from openprc.demlat.models.barhinge.tables import LEDGER, LEDGER_STRIDE
@@ -60,22 +60,26 @@ def in_jax():
     return columns_of(JaxRun(scene_of_every_law()).blocks())
 
 
-@pytest.fixture(scope="module")
-def on_cpu():
-    """Forces [N], powers [W] and energies [J] of the compiled kernels at t = 0."""
-
-    @numba.njit
+@entry
+def at_start(stamp):
     def run(body, x, v, force, rates, energy):
+        _ = stamp
         evaluate(body, x, v, force, rates, 0.0, 0.0, 1e-3)
         observe(body, x, v, energy)
 
+    return run
+
+
+@pytest.fixture(scope="module")
+def on_cpu():
+    """Forces [N], powers [W] and energies [J] of the compiled kernels at t = 0."""
     scene = scene_of_every_law()
     assembly = assemble([scene])
     body, state, unit = assembly.body, assembly.state, assembly.scaler
     place_in_plain_python(scene, assembly)
     force = np.zeros_like(state.x)
     rates, energy = np.zeros(len(LEDGER) * LEDGER_STRIDE), np.zeros(4 * LEDGER_STRIDE)
-    run(body, state.x, state.v, force, rates, energy)
+    at_start(body, state.x, state.v, force, rates, energy)
     return {
         "forces": assembly.packing.nodes(force)[0] * unit.force,
         "powers": rates.reshape(len(LEDGER), -1).sum(axis=1) * unit.moment / unit.time,
@@ -133,7 +137,7 @@ def test_derivatives_of_the_energy_are_the_compiled_forces(on_cpu):
     run = JaxRun(scene_of_every_law())
     p = parameters_of(run.experiment)
 
-    def at_start(p):
+    def rates_at_start(p):
         table = run.table(p)
         state = run.start(p, table)
         times = (0.0, 0.0, run.h)
@@ -141,7 +145,7 @@ def test_derivatives_of_the_energy_are_the_compiled_forces(on_cpu):
         return slopes.v, slopes.ledger
 
     with jax.enable_x64(True):
-        acceleration, powers = map(np.asarray, jax.jit(at_start)(p))
+        acceleration, powers = map(np.asarray, jax.jit(rates_at_start)(p))
     free = ~run.experiment.held_axes
     agree(acceleration, np.where(free, on_cpu["forces"] / p["masses"][:, None], 0.0))
     agree(powers, on_cpu["powers"])

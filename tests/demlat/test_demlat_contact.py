@@ -141,7 +141,6 @@ def test_nodes_that_overlap_at_the_start_may_part_but_not_come_closer(scene, sim
     run = simulate(closing)
     assert np.linalg.norm(run.x[:, 0] - run.x[:, 1], axis=1).min() >= 0.15 - 1e-12
     np.testing.assert_allclose(run.v[-1, :, 0], [-0.5, 0.5], rtol=1e-12)
-    # Pulled apart by gravity of another kind, they then touch at two radii.
     remarks = list(BarHingeModel(closing).remarks())
     assert any(
         "1 pairs of collidable nodes are closer than two radii (0.2 m) at t = 0, such as 0 and 1"

@@ -24,7 +24,7 @@ X, Y, Z = np.eye(3)
 
 
 def test_the_file_says_all_that_happened(folder):
-    result = Engine(BarHingeModel).run(Simulation(folder))
+    result = Engine(BarHingeModel, backend="cpu").run(Simulation(folder))
     assert result.path == folder / "output" / "simulation.h5"
     assert result.n_frames == 101
     assert result.notes == ()
@@ -160,7 +160,7 @@ def test_bars_of_rest_length_zero_have_no_strain(tmp_path, body):
     # A spring of rest length 0 pulls like F = -k x, through the point where its ends meet too.
     scene = body([0 * X, X], [1, 1], bars=[(0, 1, 4.0, 0, 0)], fixed=[True, False], duration=3.0)
     save_experiment(scene, tmp_path)
-    result = Engine(BarHingeModel).run(tmp_path)
+    result = Engine(BarHingeModel, backend="cpu").run(tmp_path)
     assert result.notes == ("no strain is stored: a bar has the rest length 0",)
     with Trajectory(result.path) as run:
         np.testing.assert_allclose(run.positions()[:, 1, 0], np.cos(2 * run.time), atol=1e-9)
@@ -263,7 +263,7 @@ def ridge_error(states, target, washout=50, train=400):
 def test_the_sample_remembers_and_is_nonlinear(tmp_path):
     sample = write_sample(tmp_path)
     assert sample.path == tmp_path
-    result = Engine(BarHingeModel).run(sample.path)
+    result = Engine(BarHingeModel, backend="cpu").run(sample.path)
     assert result.notes == ()
     with Trajectory(result.path) as run:
         assert run.dims == 2

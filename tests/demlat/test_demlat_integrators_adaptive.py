@@ -47,12 +47,12 @@ def effort(experiment):
 def test_tables_are_those_that_scipy_has(scheme):
     table = TABLES[scheme]
     peer = {"rk45": scipy.integrate.RK45, "dop853": scipy.integrate.DOP853}[scheme]
-    n = table.stages
-    np.testing.assert_allclose(table.weights[:n, :n], peer.A[:n, :n], rtol=1e-15)
+    n, columns = table.stages, peer.A.shape[1]
+    np.testing.assert_allclose(table.weights[:n, :columns], peer.A[:n], rtol=1e-15)
     np.testing.assert_allclose(table.weights[n, :n], peer.B, rtol=1e-15)
     np.testing.assert_allclose(table.nodes[:n], peer.C[:n], atol=1e-14)
     assert table.nodes[n] == pytest.approx(1.0, abs=1e-14)
-    assert INTEGRATORS[scheme].order == table.order == peer.order + (scheme == "rk45") * 0
+    assert INTEGRATORS[scheme].order == table.order
     assert INTEGRATORS[scheme].stages == n
 
 
@@ -63,10 +63,9 @@ def test_tables_integrate_polynomials_up_to_their_order(scheme):
     for power in range(table.order):
         whole = table.weights[n] @ table.nodes**power
         assert whole == pytest.approx(1 / (power + 1), abs=1e-14)
-        once = table.double_weights[n] @ table.nodes**power
-        assert once == pytest.approx(1 / (power + 1) / (power + 2), abs=1e-14) or (
-            power == table.order - 1
-        )
+        if power < table.order - 1:
+            twice = table.double_weights[n] @ table.nodes**power
+            assert twice == pytest.approx(1 / (power + 1) / (power + 2), abs=1e-14)
     # The estimates vanish for what both members of a pair integrate.
     for power in range({"rk45": 4, "dop853": 3}[scheme]):
         np.testing.assert_allclose(table.error @ table.nodes**power, 0, atol=1e-14)
@@ -144,7 +143,7 @@ def test_frames_between_steps_are_as_exact_as_steps(oscillator, simulate, scheme
     assert np.abs(run.v[:, 1, 0] - speed).max() < 1e-7
     assert np.abs(run.balance).max() < 1e-7
     # Frames cut no steps.
-    assert effort(dense)["steps"] < len(run.t) / 10
+    assert effort(dense)["steps"] < len(run.t) / 5
     assert abs(effort(dense)["steps"] - effort(scene)["steps"]) < 10
 
 
@@ -195,9 +194,15 @@ def test_a_nonlinear_truss_moves_as_scipy_has_it(truss, simulate, scheme):
     scene = replace(truss, damping=0.01)
     exact = scipy_frames(scene)
     motion = np.abs(exact - exact[0]).max()
-    for tolerance in (1e-5, 1e-7, 1e-9):
-        run = simulate(replace(scene, integrator=scheme, tolerance=tolerance))
-        assert np.abs(run.x - exact).max() < 100 * tolerance * motion
+    tolerances, errors, steps = 10.0 ** -np.arange(4, 10), [], []
+    for tolerance in tolerances:
+        chosen = replace(scene, integrator=scheme, tolerance=tolerance)
+        errors.append(np.abs(simulate(chosen).x - exact).max() / motion)
+        steps.append(effort(chosen)["steps"])
+    assert (np.array(errors) < 100 * tolerances).all()
+    # Against the number of steps it is the declared order that shows.
+    order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert order == pytest.approx(INTEGRATORS[scheme].order, rel=0.1)
 
 
 def test_vectors_and_single_elements_give_the_same(lattice, simulate, monkeypatch):
@@ -273,7 +278,7 @@ def test_driven_trusses_move_as_with_small_fixed_steps(
         save_interval=0.025,
         dt=0.025,
     )
-    exact = simulate(replace(scene, integrator="rk4", dt=0.025 / 256))
+    exact = simulate(replace(scene, integrator="rk4", dt=0.025 / 512))
     run = simulate(replace(scene, integrator=scheme, tolerance=1e-9))
     motion = np.abs(exact.x - exact.x[0]).max()
     assert np.abs(run.x - exact.x).max() < 3e-7 * motion
@@ -302,45 +307,44 @@ def test_a_pulse_after_a_long_rest_is_not_stepped_over(oscillator, simulate, dri
 # --- what stops a run -------------------------------------------------------------------------
 
 
-def test_a_tolerance_below_rounding_is_refused_in_words(oscillator, simulate):
-    scene = oscillator(integrator="dop853", tolerance=1e-19)
-    with pytest.raises(Diverged, match=r"no step small enough at t = 0 s for node 1 along x"):
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_tolerance_below_rounding_is_refused(oscillator, scheme):
+    scene = oscillator(integrator=scheme, tolerance=1e-15)
+    (finding,) = BarHingeModel.supports(scene)
+    assert finding.code == "DEM-TOLERANCE"
+    assert "at least 2.2e-15" in finding.expected
+    assert BarHingeModel.supports(replace(scene, tolerance=1e-14)) == []
+    # Fixed steps have no use for it.
+    assert BarHingeModel.supports(replace(scene, integrator="pefrl")) == []
+
+
+def test_a_force_that_no_step_is_short_enough_for_is_reported(oscillator, simulate, drive):
+    signal, actuator = drive([0.0, 1e40], dt=0.5, node=1, axes=(0, 1, 0), interpolation="hold")
+    scene = oscillator(integrator="dop853")
+    scene = replace(scene, signals={"u": signal}, actuators=(actuator,))
+    with pytest.raises(Diverged, match=r"no step small enough at t = 0.5 s for node 1 along y"):
         simulate(scene)
-    with pytest.raises(Diverged, match=r"loosen the tolerance of 1e-19"):
+    with pytest.raises(Diverged, match=r"loosen the tolerance of 1e-06"):
         simulate(scene)
 
 
-def test_a_body_that_runs_away_is_named(body, simulate):
-    # A spring that pushes harder the longer it is reaches infinity in a finite time.
-    scene = body(
-        [0 * X, 2 * X],
-        [1.0, 1.0],
-        bars=[(0, 1, 1.0, 1.0, 0.0)],
-        fixed=[True, False],
-        duration=100.0,
-        save_interval=1.0,
-        dt=1.0,
-        integrator="dop853",
-    )
-    bars = replace(
-        scene.geometry.bars,
-        law=np.array(["cubic"], dtype=object),
-        stiffness_cubic=np.array([-50.0]),
-    )
-    scene = replace(scene, geometry=replace(scene.geometry, bars=bars))
+def test_a_body_that_runs_away_is_named(oscillator, simulate):
+    # A dashpot that feeds energy in; the checks of files would not let it pass.
+    scene = oscillator(integrator="dop853")
+    geometry = scene.geometry
+    bars = replace(geometry.bars, damping=np.array([-20.0]))
+    scene = replace(scene, geometry=replace(geometry, bars=bars), duration=100.0)
     with pytest.raises(Diverged, match="node 1 left the range of plausible positions along x"):
         simulate(scene)
 
 
 def test_the_file_says_what_the_run_took(oscillator, tmp_path):
     from openprc.hooks import run_experiment
-    from openprc.schema import Trajectory
     from openprc.schema.experiment import save_experiment
 
     scene = oscillator(integrator="rk45", tolerance=1e-5)
     save_experiment(scene, tmp_path)
     known = effort(scene)
-    with Trajectory(run_experiment(tmp_path).path) as run:
-        notes = " ".join(run.notes)
+    notes = " ".join(run_experiment(tmp_path).notes)
     assert f"rk45 took {known['steps']} steps" in notes
     assert f"{known['evaluations']} evaluations" in notes

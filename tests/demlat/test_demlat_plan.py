@@ -300,3 +300,11 @@ def test_a_finished_plan_says_when_a_step_was_forced(tmp_path, lattice):
     plan = plan_experiment(tmp_path)
     assert plan.runs
     assert any("expect divergence" in remark for remark in plan.remarks)
+
+
+def test_a_step_cannot_be_chosen_for_old_runs(tmp_path):
+    setup = SimulationSetup(tmp_path)
+    setup.add_bar(setup.add_node([0, 0, 0], fixed=True), setup.add_node([1, 0, 0]), stiffness=1.0)
+    setup.set_simulation_params(duration=1.0, dt="auto", save_interval=0.1, integrator="legacy")
+    with pytest.raises(ConfigError, match="dt='auto' with the integrator 'legacy'"):
+        setup.experiment()

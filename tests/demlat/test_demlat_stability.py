@@ -364,8 +364,6 @@ def test_the_recommended_step_damps_no_more_than_the_body(lattice):
 @pytest.mark.parametrize("scheme", list(INTEGRATORS))
 @pytest.mark.parametrize("damping", [0.0, 0.05, 2.0])
 def test_what_is_surely_sound_is_fine(lattice, scheme, damping):
-    if INTEGRATORS[scheme].rigid != "no":
-        pytest.skip("covered by the schemes for soft elements")
     scene = replace(lattice(3, damping=damping), integrator=scheme)
     sound = [is_surely_sound(replace(scene, dt=dt)) for dt in (1e-5, 1e-4, 1e-3, 1e-2)]
     limit = step_limit(scene)

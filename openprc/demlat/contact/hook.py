@@ -6,13 +6,9 @@ import math
 from typing import Any
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
-from openprc.demlat.contact.response import (
-    forget_chains,
-    let_bounce,
-    let_part,
-    let_rest,
-    open_records,
-)
+from openprc.demlat.contact.impacts import let_bounce
+from openprc.demlat.contact.records import forget_chains, open_records
+from openprc.demlat.contact.response import let_part, let_rest
 from openprc.demlat.contact.search import MARGIN, copy_to, gather, keep_lists, largest_move
 from openprc.demlat.contact.table import Motion
 

@@ -107,8 +107,9 @@ class Touch(NamedTuple):
         Node; other node or ``-1 - face``; next contact of the node; contacts by time of impact.
     record : (room, 9)
         Side of the face; the (negative) gap that is let be; how long before the end of the
-        step a node was inside another that it has passed; how far the push of a resting
-        contact reaches back; normal and tangential impulses of it.
+        step a node was inside another that it has passed; of a resting contact the sum of
+        pushes times how far they reach back (before that, the time of impact), and of the
+        pushes, normal and tangential.
     since : (N,) [s]
         How long before the end of the step a node was last hit.
     first_of : (N,) i8

@@ -33,7 +33,7 @@ def unsatisfied(experiment: Experiment, assembly: Assembly, time: float) -> Dive
     if row < len(assembly.rigid.system.names):  # type: ignore[union-attr]
         name, unit = assembly.rigid.system.names[row], "of its length"  # type: ignore[union-attr]
     else:
-        hinge = int(rigid.stop_element[row - rigid.row_element.size])
+        hinge = int(rigid.stop[row - rigid.row_element.size])
         name, unit = f"the stop of hinge {hinge}", "rad"
     if name.startswith("hinge"):
         unit = "rad"

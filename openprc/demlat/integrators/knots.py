@@ -9,20 +9,34 @@ from numba import types
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.models.barhinge.drive_kernels import next_knot
+from openprc.demlat.signal_table import SAMPLE_SLACK
 
 #: Slack, in steps, within which a knot counts as lying on a step's end.
 KNOT_SLACK = 1e-6
 
 
 def knot_after(drives: Any, t: float) -> float:
-    """Return the next time after `t` at which a signal has a knot, or infinity."""
+    """Return the next time after `t` at which a signal has a knot or ends, or infinity.
+
+    Even a smooth signal ends with a kink, or with a jump of the velocity that it prescribes.
+    """
+
+
+@jit
+def _next_end(table: Any, t: float) -> float:
+    nearest = math.inf
+    for column in range(table.dt.size):
+        end = (table.count[column] - 1) * table.dt[column]
+        if end > t + SAMPLE_SLACK * table.dt[column]:
+            nearest = min(nearest, end)
+    return nearest
 
 
 @chosen_by_type(knot_after)
 def _knot_after(drives, t):
     if isinstance(drives, types.NoneType):
         return lambda drives, t: math.inf
-    return lambda drives, t: next_knot(drives, t)
+    return lambda drives, t: min(next_knot(drives, t), _next_end(drives.signals, t))
 
 
 @jit

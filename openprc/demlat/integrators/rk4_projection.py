@@ -10,7 +10,8 @@ finds in a few steps the point that sweeps over the elements approach in thousan
 The stages' states contain what the rigid elements do at the start of the step, so that dampers
 and the energy balance, which depend on stage velocities, do not lower the order.
 
-Hinges may have hard stops: see `openprc.demlat.models.barhinge.hinge_stops`.
+Hinges may have hard stops, which they hit without rebound. While one does, sweeps over all
+elements and stops replace the direct solution, and the scheme is of first order.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from openprc.demlat.models.barhinge.drive_kernels import place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate
 from openprc.demlat.models.barhinge.rigid_elements import (
     book_reactions,
+    land,
+    meet_stops,
     prepare,
     project_positions,
     project_velocities,
@@ -108,10 +111,13 @@ def rk4_projection_step(scheme: Any, body: Any, state: Any, t: float, h: float) 
     project_positions(rigid, state.x)
     push(rigid, state.v, 1.0 / h)
     book_reactions(rigid, state.v, state.ledger, 1.0 / h)
+    on_a_stop = meet_stops(rigid, body, state.x)
     prepare(rigid, body, state.x)
     place_driven(body.drives, state.x, state.v, t + h, t, t + h)
     project_velocities(rigid, state.v)
     book_reactions(rigid, state.v, state.ledger, 1.0)
+    if on_a_stop:
+        land(rigid, body, state.x, state.v, state.ledger)
 
 
 @chosen_by_type(stepping.step)

@@ -137,7 +137,10 @@ def save_frame(
 
 
 class FixedControl(NamedTuple):
-    """How schemes with a fixed step advance: steps to a frame, step, and the guard's limit."""
+    """How schemes with a fixed step advance: steps to a frame, step, and the guard's limit.
+
+    Without a guard the limit is 0: a scene of an ensemble must not stop the others.
+    """
 
     frame_time: float
     steps_per_frame: int
@@ -170,7 +173,8 @@ def take_fixed_steps(scheme, body, state, energy, control, frame):
             return t, OVERFULL
         if failed(scheme, body):
             return t, FAILED
-        if (number + done) % GUARD_INTERVAL == 0 or done == count - 1:
+        guarded = (number + done) % GUARD_INTERVAL == 0 or done == count - 1
+        if guarded and control.limit > 0.0:
             escaped = first_escaped(state.x, control.limit)
             if escaped >= 0:
                 return t, escaped

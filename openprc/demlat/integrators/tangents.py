@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
+from openprc.demlat.compiled.lanes import place
 from openprc.demlat.linear.symbolic import Factor, analyse
 from openprc.demlat.models.barhinge import laws
 from openprc.demlat.models.barhinge.bar_kernels import tension_and_loss
+from openprc.demlat.models.barhinge.bend_second import PAIRS, bend_second, edge, pair_second
 from openprc.demlat.models.barhinge.hinge_kernels import frame, moment_of
 from openprc.demlat.models.barhinge.tables import (
     Body,
@@ -35,9 +37,6 @@ from openprc.demlat.models.barhinge.tables import (
 cubic_tangent = jit(laws.cubic_tangent)
 ogden_tangent = jit(laws.ogden_tangent)
 wall_tangent = jit(laws.wall_tangent)
-
-#: Pairs of a hinge's nodes j, k, i, l, the later one first.
-PAIRS = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (3, 0), (3, 1), (3, 2), (3, 3))
 
 
 class Tangent(NamedTuple):
@@ -175,7 +174,7 @@ def _add_bar_tangents(group, places, tangent, body, x, v, by_x, by_v, definite):
 def _add_springs(group, places, tangent, body, x, v, by_x, by_v, definite):
     values, stride = tangent.factor.values, body.stride
     for e in range(group.i.size):
-        i, j = group.i[e], group.j[e]
+        i, j = place(group.lanes, group.i, e), place(group.lanes, group.j, e)
         dx, dy, dz = x[j] - x[i], x[stride + j] - x[stride + i], 0.0
         ux, uy, uz = v[j] - v[i], v[stride + j] - v[stride + i], 0.0
         if len(body.space) == 3:
@@ -238,89 +237,6 @@ def _hinge_tangent(group, p, difference):
 
 
 @jit
-def _cross_times(out: Any, row: int, scale: float, n: Any, square: float, u: Any) -> None:
-    """Set ``out[row]`` to ``scale (I - 2 n n^T / square) [u]x``."""
-    for c in range(3):
-        # Column c of the cross product's matrix: u x e_c.
-        w0 = -u[2] if c == 1 else (u[1] if c == 2 else 0.0)
-        w1 = u[2] if c == 0 else (-u[0] if c == 2 else 0.0)
-        w2 = -u[1] if c == 0 else (u[0] if c == 1 else 0.0)
-        along = 2.0 * (n[0] * w0 + n[1] * w1 + n[2] * w2) / square
-        out[row, 0, c] = scale * (w0 - along * n[0])
-        out[row, 1, c] = scale * (w1 - along * n[1])
-        out[row, 2, c] = scale * (w2 - along * n[2])
-
-
-@jit
-def _minus(x: Any, stride: int, p: int, q: int) -> Any:
-    return x[p] - x[q], x[stride + p] - x[stride + q], x[2 * stride + p] - x[2 * stride + q]
-
-
-@jit
-def _cross(u: Any, w: Any) -> Any:
-    return (
-        u[1] * w[2] - u[2] * w[1],
-        u[2] * w[0] - u[0] * w[2],
-        u[0] * w[1] - u[1] * w[0],
-    )
-
-
-@jit
-def _dot(u: Any, w: Any) -> float:
-    return u[0] * w[0] + u[1] * w[1] + u[2] * w[2]
-
-
-@jit
-def bend_second(a: Any, b: Any, c: Any, out: Any) -> None:
-    """Set `out` (5, 3, 3) to second derivatives of the bend by edges: aa, ab, bb, cb, cc.
-
-    With ``a = x_i - x_j``, ``b = x_k - x_j``, ``c = x_k - x_l``, ``m = a x b``, ``n = b x c``
-    the gradients are ``|b| m / m.m`` by a, ``|b| n / n.n`` by c and minus a.b / b.b and
-    c.b / b.b times those by b; differentiated once more. They agree with Tamstorf & Grinspun
-    2013, doi:10.1016/j.gmod.2013.07.001.
-    """
-    m, n = _cross(a, b), _cross(b, c)
-    bb, mm, nn = _dot(b, b), _dot(m, m), _dot(n, n)
-    crease = math.sqrt(bb)
-    p, q = _dot(a, b) / bb, _dot(c, b) / bb
-    _cross_times(out, 0, -crease / mm, m, mm, b)
-    _cross_times(out, 1, crease / mm, m, mm, a)
-    _cross_times(out, 3, -crease / nn, n, nn, c)
-    _cross_times(out, 4, crease / nn, n, nn, b)
-    for r in range(3):
-        for s in range(3):
-            out[1, r, s] += m[r] / mm * b[s] / crease
-            out[3, r, s] += n[r] / nn * b[s] / crease
-            by_p = crease / mm * m[r] * (a[s] - 2.0 * p * b[s]) / bb
-            by_q = crease / nn * n[r] * (c[s] - 2.0 * q * b[s]) / bb
-            out[2, r, s] = -(by_p + p * out[1, r, s] + by_q + q * out[3, r, s])
-
-
-@jit
-def _pair_second(s: Any, pair: int, r: int, c: int) -> float:
-    """Return an entry of the second derivative by the two nodes of a pair, from `bend_second`."""
-    if pair == 0:  # j, j
-        return s[0, r, c] + s[1, r, c] + s[1, c, r] + s[2, r, c]
-    if pair == 1:  # k, j
-        return -s[1, c, r] - s[2, c, r] - s[3, r, c]
-    if pair == 2:  # k, k
-        return s[2, r, c] + s[3, r, c] + s[3, c, r] + s[4, r, c]
-    if pair == 3:  # i, j
-        return -s[0, r, c] - s[1, r, c]
-    if pair == 4:  # i, k
-        return s[1, r, c]
-    if pair == 5:  # i, i
-        return s[0, r, c]
-    if pair == 6:  # l, j
-        return s[3, r, c]
-    if pair == 7:  # l, k
-        return -s[3, r, c] - s[4, r, c]
-    if pair == 8:  # l, i
-        return 0.0
-    return s[4, r, c]
-
-
-@jit
 def add_hinge_tangents(
     group: Any,
     places: Any,
@@ -336,7 +252,8 @@ def add_hinge_tangents(
     values, stride = tangent.factor.values, body.stride
     g, second = tangent.gradient, tangent.second
     for e in range(group.j.size):
-        j, k, i, l = group.j[e], group.k[e], group.i[e], group.l[e]  # noqa: E741
+        j, k = place(group.lanes, group.j, e), place(group.lanes, group.k, e)
+        i, l = place(group.lanes, group.i, e), place(group.lanes, group.l, e)  # noqa: E741
         at = (j, k, i, l)
         geometry = frame(group, body.space, stride, x, e, at)
         moment, _ = moment_of(group, body.space, stride, v, e, at, geometry)
@@ -350,7 +267,7 @@ def add_hinge_tangents(
             g[3, r] = gl
         straight = by_x * hinge_tangent(group, e, difference) + by_v * group.damping[e]
         bent = 0.0 if definite else by_x * moment
-        a, b, c = _minus(x, stride, i, j), _minus(x, stride, k, j), _minus(x, stride, k, l)
+        a, b, c = edge(x, stride, i, j), edge(x, stride, k, j), edge(x, stride, k, l)
         bend_second(a, b, c, second)
         pair = 0
         for first in range(4):
@@ -358,7 +275,7 @@ def add_hinge_tangents(
                 for r in range(3):
                     for s in range(3):
                         entry = straight * g[first, r] * g[other, s]
-                        entry += bent * _pair_second(second, pair, r, s)
+                        entry += bent * pair_second(second, pair, r, s)
                         values[places[e, pair, r, s]] += entry
                 pair += 1
 
@@ -404,8 +321,8 @@ def assemble(
     with a moment have no geometric part then.
     """
     values = tangent.factor.values
-    for place in range(values.size):
-        values[place] = 0.0
+    for p in range(values.size):
+        values[p] = 0.0
     for u in range(tangent.free.size):
         at = tangent.free[u]
         values[tangent.diagonal[u]] += body.mass[at] + by_v * body.drag[at]

@@ -40,6 +40,7 @@ from openprc.errors import UnsupportedScene
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from openprc.demlat.models.barhinge.rigid_elements import RigidElements
     from openprc.schema.experiment import Experiment
 
     Reals = NDArray[np.float64]
@@ -154,7 +155,7 @@ class _Assembler:
         self.held = np.array([e.held_axes for e in experiments])
         self.rigid = None
         if knows_constraints(self.first):
-            self.rigid = rigid_scene(self.first, packing.stride)
+            self.rigid = rigid_scene(self.first)
             self.positions = self.rigid.positions[np.newaxis]
 
     def column(self, kind: str, name: str, unit: float = 1.0) -> Reals:
@@ -193,7 +194,7 @@ class _Assembler:
                 optional=self.lean,
             ),
             contacts=self._contacts(reals(inverse)),
-            constraints=rigid_elements(self.first, self.rigid, scale) if self.rigid else None,
+            constraints=self._constraints(),
             mass=reals(masses[:, :, np.newaxis] * ones),
             full_weight=reals(weight),
             scratch=(
@@ -209,6 +210,12 @@ class _Assembler:
         )
         falling = float((weight[0] * self.reference[0]).sum()) / scale.length * scale.moment
         return Assembly(body, state, packing, scale, self.reference, falling, self.rigid)
+
+    def _constraints(self) -> RigidElements | None:
+        if self.rigid is None:
+            return None
+        stride, scale = self.packing.stride, self.scaler
+        return rigid_elements(self.first, self.rigid, stride=stride, scaler=scale)
 
     def _contacts(self, inverse_mass: Reals) -> tuple[ContactTable, ...]:
         if len(self.experiments) > 1:

@@ -49,8 +49,8 @@ class RigidScene:
 
 
 @lru_cache(maxsize=1)
-def rigid_scene(experiment: Experiment, stride: int) -> RigidScene:
-    """Return the rigid elements; `stride` is that of the flat coordinates.
+def rigid_scene(experiment: Experiment) -> RigidScene:
+    """Return the rigid elements of an experiment, checked.
 
     Raises
     ------
@@ -71,6 +71,7 @@ def rigid_scene(experiment: Experiment, stride: int) -> RigidScene:
     )
 
     geometry, held = _at_start(experiment), experiment.held_axes
+    stride = geometry.n_nodes
     system = constraint_system(geometry, held=held, stride=stride)
     inverse = inverse_masses(geometry, held=held, stride=stride)
     x = flat_state(geometry.positions, stride=stride)
@@ -119,16 +120,19 @@ def _at_start(experiment: Experiment) -> Geometry:
 
 
 def rigid_elements(
-    experiment: Experiment, scene: RigidScene, scaler: SimulationScaler
+    experiment: Experiment, scene: RigidScene, *, stride: int, scaler: SimulationScaler
 ) -> RigidElements:
-    """Return the tables of a scene in scaled units, with work arrays of their own."""
+    """Return the tables of a scene in scaled units, with work arrays of their own.
+
+    `stride` is that of the flat coordinates.
+    """
     from openprc.demlat.models.barhinge.rigid_elements import RigidElements  # noqa: PLC0415
 
     system, geometry = scene.system, experiment.geometry
-    table = system.table._replace(length=system.table.length / scaler.length)
+    table = system.table._replace(length=system.table.length / scaler.length, stride=stride)
     bars, hinges = np.flatnonzero(geometry.bars.rigid), np.flatnonzero(geometry.hinges.rigid)
     pull = _pulls(experiment, system)
-    coordinates = 3 * table.stride
+    coordinates = 3 * stride
     return RigidElements(
         table=table,
         work=_copied(system.work),
@@ -139,6 +143,7 @@ def rigid_elements(
         hinge=hinges,
         bar_node=geometry.bars.indices[bars].ravel().astype(np.uint32),
         hinge_node=geometry.hinges.indices[hinges].ravel().astype(np.uint32),
+        stop=np.flatnonzero(stops(geometry)),
         row_element=np.concatenate([system.bars, system.hinges]).astype(np.int64),
         pull_row=pull[0],
         pull_block=pull[1],
@@ -148,6 +153,12 @@ def rigid_elements(
         rates=np.zeros(len(LEDGER) * LEDGER_STRIDE),
         status=np.array([-1.0, 0.0, 0.0]),
     )
+
+
+def stops(geometry: Geometry) -> NDArray[np.bool_]:
+    """Return which hinges have hard stops: (K,) bool."""
+    hinges = geometry.hinges
+    return hinges.limited & ~hinges.rigid & (hinges.law == "linear")
 
 
 def _copied(arrays: Any) -> Any:

@@ -16,15 +16,18 @@ from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.linear.ldl import PIVOT_TOLERANCE
 from openprc.demlat.linear.symbolic import Factor, Index, Integers, Reals
 from openprc.demlat.models.barhinge import constraints as algebra
+from openprc.demlat.models.barhinge import gauss_seidel
 from openprc.demlat.models.barhinge.constraint_kinematics import hinge_parts, wrap_angle
 from openprc.demlat.models.barhinge.constraints import ConstraintTable, ConstraintWork
 from openprc.demlat.models.barhinge.drive_kernels import acceleration as driven_acceleration
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate
-from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, WORK_IN
+from openprc.demlat.models.barhinge.tables import CONTACT, LEDGER_STRIDE, WORK_IN
 
 #: Solves in one projection of positions, and of velocities.
 POSITION_SOLVES = 50
 VELOCITY_SOLVES = 3
+#: Sweeps over all elements while a hinge is on its stop, and what they have to reach.
+SWEEPS, SWEPT = 50_000, 1e-12
 #: Violation below which an iteration that rounding has stopped is done all the same.
 ROUNDING_FLOOR = algebra.ROUNDING_FLOOR
 #: Relative rates of rigid elements above which velocities are not rounded but wrong: a driven
@@ -48,6 +51,8 @@ class RigidElements(NamedTuple):
         All rigid elements, those that are no rows included, and
     bar_node, hinge_node : (2 B',), (4 H',) [node]
         their nodes.
+    stop : (S,) [element]
+        Hinges with hard stops.
     row_element : (R,) [element]
         Which bar or hinge a row is.
     pull_row, pull_block, pull_axis : (D,)
@@ -55,8 +60,8 @@ class RigidElements(NamedTuple):
     force, acceleration, rates
         Work arrays, as coordinates and as the ledger's powers.
     status : (3,)
-        Row that could not be satisfied, -1 for none; its violation; and the largest violation
-        that a projection has left so far.
+        Row (then: stop) that could not be satisfied, -1 for none; its violation; and the
+        largest violation that a projection has left so far.
     """
 
     table: ConstraintTable
@@ -67,6 +72,7 @@ class RigidElements(NamedTuple):
     hinge: Integers
     bar_node: Index
     hinge_node: Index
+    stop: Integers
     row_element: Integers
     pull_row: Integers
     pull_block: Integers
@@ -223,6 +229,51 @@ def _book_impact(ledger, gain):
         ledger[WORK_IN * LEDGER_STRIDE] += gain
 
     return book
+
+
+# --- stops of hinges ------------------------------------------------------------------------
+
+
+@jit
+def meet_stops(rigid: Any, body: Any, x: Any) -> bool:
+    """Push hinges back that have overrun their stops; say whether one is on a stop."""
+    table, work = rigid.table, rigid.work
+    node, resting, worst, largest = table.stop_node, False, 0, 0.0
+    for s in range(table.stop_low.size):
+        b = 4 * s
+        bend = hinge_parts(x, table.stride, node[b], node[b + 1], node[b + 2], node[b + 3])[0]
+        low, high = table.stop_low[s], table.stop_high[s]
+        resting = resting or bend <= low or bend >= high
+        over = abs(gauss_seidel.stop_value(bend, low, high))
+        if over > largest:
+            worst, largest = s, over
+    if largest > SWEPT:
+        _, residual = gauss_seidel.gauss_seidel(
+            x, body.inverse_mass, table, work, max(rigid.tolerance, SWEPT), SWEEPS
+        )
+        if not residual <= 10.0 * max(rigid.tolerance, SWEPT) and rigid.status[FAILED_ROW] < 0.0:
+            rigid.status[FAILED_ROW] = rigid.row_element.size + worst
+            rigid.status[RESIDUAL] = residual
+    return resting
+
+
+def land(rigid: Any, body: Any, x: Any, v: Any, ledger: Any) -> None:
+    """Take from `v` what drives hinges into their stops, without rebound; book the loss."""
+
+
+@chosen_by_type(land)
+def _land(rigid, body, x, v, ledger):
+    keeps = not isinstance(ledger, types.NoneType)
+
+    def run(rigid, body, x, v, ledger):
+        before = kinetic_energy(body, v)
+        gauss_seidel.gauss_seidel_velocities(
+            x, v, body.inverse_mass, rigid.table, rigid.work, SWEPT, SWEEPS
+        )
+        if keeps:
+            ledger[CONTACT * LEDGER_STRIDE] += before - kinetic_energy(body, v)
+
+    return run
 
 
 # --- between steps --------------------------------------------------------------------------

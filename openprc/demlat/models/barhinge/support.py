@@ -10,6 +10,7 @@ import numpy as np
 from openprc.demlat.contact.findings import contact_refusals, contact_remarks
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.legacy.findings import LEGACY, legacy_refusals, legacy_remarks
+from openprc.demlat.models.barhinge.rigid_findings import rigid_refusals, rigid_remarks
 from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
 from openprc.demlat.stability import is_surely_sound, step_limit
 from openprc.schema.findings import Finding
@@ -51,22 +52,12 @@ def supports(experiment: Experiment) -> list[Finding]:
 def _refusals(experiment: Experiment) -> Iterator[Finding]:
     geometry = experiment.geometry
     scheme = INTEGRATORS.get(experiment.integrator)
-    able = [name for name, other in INTEGRATORS.items() if other.rigid != "no"]
-    for name, elements in (("bars", geometry.bars), ("hinges", geometry.hinges)):
-        if elements.rigid.any() and scheme is not None and scheme.rigid == "no":
-            yield Finding(
-                code=f"DEM-RIGID-{name.upper()}",
-                level="error",
-                path=f"elements/{name}/rigid",
-                found=f"{int(elements.rigid.sum())} rigid {name} with the integrator"
-                f" {scheme.name!r}",
-                expected="an integrator for constraints: " + (", ".join(able) or "none yet"),
-                fix="choose one of these, or give them a stiffness about 100 times that of the"
-                " soft ones",
-            )
+    yield from rigid_refusals(experiment)
     yield from contact_refusals(experiment)
     if experiment.integrator == LEGACY:
         yield from legacy_refusals(experiment)
+    if scheme is not None and scheme.step == "adaptive":
+        yield from _tolerance(experiment)
     if experiment.integrator not in INTEGRATORS:
         yield Finding(
             code="DEM-INTEGRATOR",
@@ -94,6 +85,19 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
     yield from degenerate
     if scheme is not None and not degenerate and experiment.step_check == "refuse":
         yield from _unstable_step(experiment)
+
+
+def _tolerance(experiment: Experiment) -> Iterator[Finding]:
+    least = 10.0 * float(np.finfo(experiment.precision).eps)
+    if experiment.tolerance is not None and experiment.tolerance < least:
+        yield Finding(
+            code="DEM-TOLERANCE",
+            level="error",
+            path="simulation.tolerance",
+            found=f"the tolerance {experiment.tolerance:g} in {experiment.precision}",
+            expected=f"at least {least:.2g}, ten times the rounding of a number",
+            fix="give a larger one",
+        )
 
 
 def _unstable_step(experiment: Experiment) -> Iterator[Finding]:
@@ -139,6 +143,7 @@ def remarks(experiment: Experiment) -> Iterator[str]:
     yield from experiment.notes
     yield from _step_remarks(experiment)
     yield from contact_remarks(experiment)
+    yield from rigid_remarks(experiment)
     if experiment.integrator == LEGACY:
         yield from legacy_remarks(experiment)
     step = experiment.save_interval / experiment.steps_per_frame
