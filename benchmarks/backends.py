@@ -6,7 +6,8 @@
 Each back end integrates the same experiment (RK4 in float64, every tenth step saved), compiled
 before the clock starts; wall time of a step, with saving. Ratios are to the compiled CPU
 kernels (one thread) in the same run, and the table says how far positions after five frames
-differ from theirs, over the size of the scene. ``--large N`` adds an N x N lattice, for which devices are made.
+differ from theirs, over the size of the scene. ``--large N`` adds an N x N lattice, for which
+devices are made.
 
 Of CUDA the table also gives the bytes that a step has to move at least, a second, over what
 copying a large array on the same device moves: 1 would be a step that does nothing but read

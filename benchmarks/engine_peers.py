@@ -13,7 +13,8 @@ A peer that cannot be started, or cannot model a scene, is left out with the rea
 them run as processes of their own and take turns in every round; times are CPU time. Of a
 ratio, the median over rounds of the ratio within a round comes first, and after the slash
 that of the best rounds: other work on the machine can only slow a peer down. The error is
-the largest deviation from the scheme in NumPy after 20 steps. The limit is what the
+the largest deviation from the scheme in NumPy after 20 steps. Sweeps step different designs
+side by side on two threads; theirs are wall-clock times of one scene. The limit is what the
 arithmetic of the scene takes at the measured peak of multiply-adds, or its roots and
 divisions at the measured throughput of the divider, whichever is longer.
 
@@ -47,6 +48,7 @@ BLOCK_S = 0.15  # CPU time that a block of steps should take
 FEWEST, MOST = 5, 20_000  # steps a block
 RUN_SCENES = ("lat10", "miu4x8")
 RUN_DT = 1e-4  # [s]
+RUN_SAVE = 100  # steps between frames of the last tables
 OURS, UPSTREAM, TAICHI = "openprc", "upstream", "taichi serial"
 
 
@@ -62,6 +64,8 @@ class Peer:
 
 STEPPING = (
     Peer(OURS, "ours", own=True),
+    Peer("sweep, 8 lanes, 2 threads", "ours_sweep", own=True),
+    Peer("sweep, 16 float32, 2 threads", "ours_sweep_single", own=True),
     Peer("scalar numba", "numba_scalar", own=True),
     Peer(TAICHI, "taichi_serial"),
     Peer("warp cpu", "warp_cpu"),

@@ -9,17 +9,21 @@ sixteenth of its finest step here. Violation is the largest error of a bar's len
 frame, relative to the length. Cost is CPU time of one thread, compiling left out; the peer
 takes turns with our own integrators. A peer is run by the interpreter of ``--peer-python``,
 in which its package is installed.
+
+The paper's package does not come near the reference here, at any step: its five sweeps spread
+what a constraint needs over hundreds of steps, and its formula for the angle is off by 1e-4 rad
+on every flat facet.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -164,7 +168,7 @@ def orders(rungs: list[Rung]) -> list[float]:
     """Return the order between successive steps."""
     return [
         math.log(a.error / b.error) / math.log(b.n_steps / a.n_steps)
-        for a, b in zip(rungs[:-1], rungs[1:], strict=True)
+        for a, b in itertools.pairwise(rungs)
     ]
 
 

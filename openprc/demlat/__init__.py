@@ -1,4 +1,4 @@
-"""The native engine: bar-hinge lattices, integrated with a fourth-order Runge-Kutta scheme.
+"""The native engine: bodies of nodes, bars and hinges, integrated in time.
 
 The public names are resolved on first use, so importing this package costs nothing and
 building an experiment does not wait for a compiler.
@@ -10,9 +10,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from openprc.demlat import meshing, signals, statics
     from openprc.demlat.engine import Engine
     from openprc.demlat.ensemble import EnsembleResult, run_ensemble
     from openprc.demlat.models.barhinge.model import BarHingeModel
+    from openprc.demlat.planning.plan import make_plan
     from openprc.demlat.scaling import SimulationScaler
     from openprc.demlat.setup import SimulationSetup
     from openprc.demlat.simulation import Simulation
@@ -24,8 +26,11 @@ _LAZY = {
     "EnsembleResult": "openprc.demlat.ensemble",
     "SimulationScaler": "openprc.demlat.scaling",
     "SimulationSetup": "openprc.demlat.setup",
+    "make_plan": "openprc.demlat.planning.plan",
     "run_ensemble": "openprc.demlat.ensemble",
 }
+
+_MODULES = ("meshing", "signals", "statics")
 
 __all__ = [
     "BarHingeModel",
@@ -34,11 +39,17 @@ __all__ = [
     "Simulation",
     "SimulationScaler",
     "SimulationSetup",
+    "make_plan",
+    "meshing",
     "run_ensemble",
+    "signals",
+    "statics",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"openprc.demlat.{name}")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from openprc import __version__
+from openprc.demlat.backends.choose import choose_backend
 from openprc.demlat.models.barhinge.model import BACKENDS, Backend, BarHingeModel
 from openprc.demlat.producer import DemlatProducer
 from openprc.demlat.simulation import Simulation
-from openprc.errors import ConfigError
+from openprc.errors import ConfigError, OpenPRCError
 from openprc.hooks.running import silent, simulate
 from openprc.schema.provenance import Provenance, typed_command
 
 if TYPE_CHECKING:
     from openprc.hooks.protocols import Progress
+    from openprc.schema.experiment import Experiment
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ class Engine:
             producer_version=__version__,
             plugin_version=__version__,
             command=typed_command(),
-            deterministic=True,
+            deterministic=_repeats_bits(experiment, self.backend),
             config=experiment.settings(),
         )
         notes, _ = simulate(
@@ -125,3 +127,11 @@ class Engine:
             wall_time=time.perf_counter() - began,
             notes=notes,
         )
+
+
+def _repeats_bits(experiment: Experiment, backend: Backend) -> bool:
+    """Say whether a run gives the same bits again: JAX may sum in any order on a device."""
+    try:
+        return choose_backend(experiment, backend).name != "jax"
+    except OpenPRCError:
+        return True  # there will be no run

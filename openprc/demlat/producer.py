@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from openprc.demlat.models.barhinge.tables import FrameBuffer
-    from openprc.demlat.plan import Plan
+    from openprc.demlat.planning.plan import Plan
     from openprc.hooks.protocols import Progress
     from openprc.schema import Experiment, Finding, TrajectoryWriter
 
@@ -49,7 +49,7 @@ class DemlatProducer:
     def plan(self, experiment: Experiment) -> Plan:
         """Return what a run of `experiment` would do and cost; nothing is run."""
         # Checks that only a plan makes load scipy.
-        from openprc.demlat.plan import make_plan  # noqa: PLC0415
+        from openprc.demlat.planning.plan import make_plan  # noqa: PLC0415
 
         return make_plan(experiment)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from openprc.demlat.drive import Drive
 from openprc.demlat.geometry_builder import GeometryBuilder, number
-from openprc.demlat.step_choice import with_chosen_step
+from openprc.demlat.planning.step_choice import with_chosen_step
 from openprc.errors import ConfigError, ResultExists
 from openprc.schema.experiment import (
     Actuator,
@@ -190,8 +190,8 @@ class SimulationSetup(GeometryBuilder):
             A multiple of `save_interval`.
         dt : float [s] or "auto"
             Time step; `save_interval` is a multiple of it. "auto" is the largest one that is
-            not above `openprc.demlat.stability.StepLimit.recommended`; it is chosen when the
-            experiment is made or saved, and said in its `notes`.
+            not above `StepLimit.recommended` of `openprc.demlat.planning.stability`; it is
+            chosen when the experiment is made or saved, and said in its `notes`.
         save_interval : float [s]
         integrator : str
             A name from `openprc.demlat.integrators.INTEGRATORS`.

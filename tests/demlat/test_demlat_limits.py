@@ -11,8 +11,8 @@ import pytest
 from openprc.demlat import BarHingeModel, Engine, Simulation
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import remarks
+from openprc.demlat.planning.stability import stable_step, step_limit
 from openprc.demlat.producer import DemlatProducer
-from openprc.demlat.stability import stable_step, step_limit
 from openprc.errors import (
     ConfigError,
     Diverged,

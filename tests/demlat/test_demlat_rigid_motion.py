@@ -49,7 +49,7 @@ def test_a_pendulum_comes_back_after_its_period_of_elliptic_integrals(simulate, 
 
 def test_a_rigid_plate_swings_as_a_physical_pendulum(simulate):
     # The rigid hinge makes one body of two triangles that turn about the fixed crease.
-    still = panels(2.0, fixed=(0, 1), gravity=(0, 0, -G), masses=[1.0, 1.0, 0.2, 0.5])
+    still = panels(2.0, fixed=(0, 1), gravity=(0, 0, -G), masses=[1.0, 1.0, 0.5, 0.2])
     wings = still.geometry.positions[2:, 1:]
     masses = still.geometry.masses[2:, np.newaxis]
     inertia, lever = np.sum(masses * wings**2), np.sum(masses * wings, axis=0)
@@ -63,15 +63,15 @@ def test_a_rigid_plate_swings_as_a_physical_pendulum(simulate):
     np.testing.assert_allclose(run.angle, 2.0, atol=1e-12)
     # The moment at the start is what keeps the lighter wing from turning on its own.
     turning = -(lever[0] * G) / inertia
-    own = turning * 0.2 * np.sum(wings[0] ** 2)
-    assert abs(run.moment[0, 0]) == pytest.approx(abs(own + 0.2 * G * wings[0, 0]), rel=1e-10)
+    own = turning * 0.5 * np.sum(wings[0] ** 2)
+    assert abs(run.moment[0, 0]) == pytest.approx(abs(own + 0.5 * G * wings[0, 0]), rel=1e-10)
 
 
 def test_a_tumbling_tetrahedron_keeps_what_a_free_body_keeps(simulate):
     rng = np.random.default_rng(3)
     x = rng.normal(size=(4, 3))
     masses = rng.uniform(0.5, 2.0, 4)
-    v = np.cross([1.0, -2.0, 0.5], x) + [0.3, 0.2, -0.1]
+    v = np.cross([1.0, -2.0, 0.5], x) + np.array([0.3, 0.2, -0.1])
     free = scene(
         x,
         bars=[(i, j) for i in range(4) for j in range(i)],
@@ -105,8 +105,8 @@ def test_order_on_a_chain_with_soft_and_damped_elements(simulate, name):
         stiffness=20.0,
         damping=0.05,
     )
-    steps = [0.1 / n for n in (20, 40, 80)]
-    truth = simulate(replace(chain, integrator="rk4-dae", dt=0.1 / 1000))
+    steps = [0.1 / n for n in (40, 80, 160)]
+    truth = simulate(replace(chain, integrator="rk4-dae", dt=0.1 / 1280))
     runs = [simulate(replace(chain, integrator=name, dt=dt)) for dt in steps]
     scale = np.abs(truth.x - truth.x[0]).max()
     for wrong in (
@@ -114,7 +114,7 @@ def test_order_on_a_chain_with_soft_and_damped_elements(simulate, name):
         [np.abs(run.tension - truth.tension).max() for run in runs],
         [np.abs(run.balance).max() for run in runs],
     ):
-        assert np.mean(orders(wrong)) == pytest.approx(SCHEMES[name], abs=0.35)
+        assert orders(wrong)[-1] == pytest.approx(SCHEMES[name], abs=0.35)
     assert np.abs(runs[-1].x - truth.x).max() < 1e-3 * scale
     for run in runs:
         assert violation(run, chain) < 1e-12

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from openprc.demlat.integrators import INTEGRATORS
-from openprc.demlat.stability import is_surely_sound, stable_step, step_limit
+from openprc.demlat.planning.stability import is_surely_sound, stable_step, step_limit
+from openprc.demlat.planning.step_limits import (
+    largest_step,
+    pefrl_step,
+    rk4_growth,
+    rk4_loss,
+    rk4_reach,
+)
+from openprc.demlat.planning.tangent_operators import TangentOperators
 from openprc.demlat.statics import StaticProblem
 from openprc.demlat.statics.element_shapes import hinge_gradients
-from openprc.demlat.step_limits import largest_step, pefrl_step, rk4_growth, rk4_loss, rk4_reach
-from openprc.demlat.tangent_operators import TangentOperators
 from openprc.errors import Diverged
 
 X, Y, Z = np.eye(3)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, scene_size
 from openprc.demlat.models.barhinge.tables import FrameBuffer
-from openprc.demlat.stability import step_limit
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import Diverged
 
 if TYPE_CHECKING:

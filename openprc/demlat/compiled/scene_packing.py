@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.demlat.compiled.aligned import aligned_copy, aligned_zeros
 from openprc.demlat.compiled.packing import Blocks, ensemble_blocks, run_blocks, spread_blocks
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Packing:
 
     def coordinates(self, values: Reals) -> Reals:
         """Return values (S, N, 3) as flat coordinates: (dims * stride,)."""
-        flat = np.zeros((self.dims, self.stride), dtype=self.dtype)
+        flat = aligned_zeros(self.dims * self.stride, self.dtype).reshape(self.dims, self.stride)
         by_axis = values.transpose(2, 1, 0)[: self.dims]
         flat[:, : self.n_nodes * self.scenes] = by_axis.reshape(self.dims, -1)
         return flat.reshape(-1)
@@ -90,5 +91,5 @@ class Packing:
         """Return values (S, E) in the order of the lanes."""
         if self.scenes > 1:
             chosen = blocks.element.reshape(-1, self.scenes)[:, 0]
-            return np.ascontiguousarray(values[:, chosen].T, dtype=self.dtype).reshape(-1)
-        return blocks.spread_out(values[0], fill).astype(self.dtype)
+            return aligned_copy(values[:, chosen].T, self.dtype)
+        return aligned_copy(blocks.spread_out(values[0], fill), self.dtype)

@@ -61,7 +61,7 @@ class Integrator:
         What it does with rigid bars and hinges: refuse them, solve for them to tolerance, or
         project the state after each step, which costs order.
     stability : {"rk4", "verlet", "pefrl", "none"}
-        Whose limit on the step applies; see `openprc.demlat.stability`.
+        Whose limit on the step applies; see `openprc.demlat.planning.stability`.
     use : str
         When to choose it.
     stops : bool

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.demlat.compiled.aligned import aligned_zeros, aligned_zeros_like
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.integrators import Settings, stepping
 from openprc.demlat.integrators.copying import copy, copy_if_any
@@ -115,10 +116,10 @@ class Adaptive(NamedTuple):
             pitch += len(body.lanes)  # or all stages would compete for the same cache lines
         rates = make_rates(body, settings)
         ledger = np.zeros(0) if rates is None else np.zeros_like(rates)
-        state = [np.zeros_like(body.mass) for _ in range(6)]
+        state = [aligned_zeros_like(body.mass) for _ in range(6)]
         stages = Stages(
             pitch=pitch,
-            forces=np.zeros(number * pitch, body.mass.dtype),
+            forces=aligned_zeros(number * pitch, body.mass.dtype),
             rates=rates,
             kept=None if rates is None else np.zeros((number, rates.size), rates.dtype),
             x=state[0],
@@ -137,9 +138,9 @@ class Adaptive(NamedTuple):
             tolerance=settings.tolerance,
             longest=_longest_step(body),
             free=int(np.count_nonzero(body.inverse_mass)),
-            start=np.zeros_like(body.mass),
+            start=aligned_zeros_like(body.mass),
             weights=np.zeros((2, number)),
-            sums=np.zeros(6 * LEDGER_STRIDE, body.mass.dtype),
+            sums=aligned_zeros(6 * LEDGER_STRIDE, body.mass.dtype),
             clock=np.zeros(6),
             counts=np.zeros(5, np.int64),
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import types
 
+from openprc.demlat.compiled.aligned import aligned_zeros
 from openprc.demlat.compiled.jit import chosen_by_type
 from openprc.demlat.compiled.lanes import add, load
 from openprc.demlat.integrators import Settings
@@ -17,7 +17,7 @@ def make_rates(body: Body, settings: Settings) -> Reals | None:
     """Return an array for the powers, or None when no ledger is kept."""
     if not settings.ledger:
         return None
-    return np.zeros(len(LEDGER) * LEDGER_STRIDE, body.mass.dtype)
+    return aligned_zeros(len(LEDGER) * LEDGER_STRIDE, body.mass.dtype)
 
 
 def book(ledger: Any, lanes: Any, rates: Any, weight: float) -> None:

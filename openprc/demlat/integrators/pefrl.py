@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import types
 
+from openprc.demlat.compiled.aligned import aligned_zeros_like
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, splat, store
 from openprc.demlat.integrators import Settings, stepping
@@ -76,7 +76,7 @@ class PEFRL(NamedTuple):
     @classmethod
     def for_body(cls, body: Body, settings: Settings) -> PEFRL:
         """Return work arrays for `body`."""
-        arrays = (np.zeros_like(body.mass) for _ in range(3))
+        arrays = (aligned_zeros_like(body.mass) for _ in range(3))
         return cls(is_damped(body), *arrays, make_rates(body, settings))
 
 

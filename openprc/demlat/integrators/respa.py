@@ -23,6 +23,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from openprc.demlat.compiled.aligned import aligned_zeros_like
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.integrators import Settings, stepping
 from openprc.demlat.integrators.copying import copy
@@ -95,7 +96,7 @@ class RESPA(NamedTuple):
         fast = Verlet.for_body(body, settings)
         pushed = body.drives is not None and len(body.drives.force_at) > 0
         renews = pushed or is_damped(body._replace(hinges=()))
-        arrays = np.zeros_like(body.mass), np.zeros_like(body.mass)
+        arrays = aligned_zeros_like(body.mass), aligned_zeros_like(body.mass)
         return cls(count, renews, fast, *arrays, make_rates(body, settings))
 
 

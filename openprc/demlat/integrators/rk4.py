@@ -5,16 +5,15 @@ velocity of the step's start the scheme would be of first order and feed energy 
 mode. Driven coordinates, and forces, are evaluated at every stage's own time. Work and loss
 are more unknowns of the same system, so the energy balance is of fourth order as well.
 
-Stability: see `openprc.demlat.stability`. Source: Hairer, Norsett & Wanner, Solving Ordinary
-Differential Equations I, sec. II.1, doi:10.1007/978-3-540-78862-1.
+Stability: see `openprc.demlat.planning.stability`. Source: Hairer, Norsett & Wanner, Solving
+Ordinary Differential Equations I, sec. II.1, doi:10.1007/978-3-540-78862-1.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from openprc.demlat.compiled.aligned import aligned_zeros_like
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import add, load, store
 from openprc.demlat.integrators import Settings, stepping
@@ -37,7 +36,7 @@ class RK4(NamedTuple):
     @classmethod
     def for_body(cls, body: Body, settings: Settings) -> RK4:
         """Return work arrays for `body`."""
-        return cls(*(np.zeros_like(body.mass) for _ in range(5)), make_rates(body, settings))
+        return cls(*(aligned_zeros_like(body.mass) for _ in range(5)), make_rates(body, settings))
 
 
 @jit

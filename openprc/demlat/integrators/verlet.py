@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.demlat.compiled.aligned import aligned_zeros_like
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, store
 from openprc.demlat.integrators import Settings, stepping
@@ -41,7 +42,7 @@ class Verlet(NamedTuple):
     @classmethod
     def for_body(cls, body: Body, settings: Settings) -> Verlet:
         """Return work arrays for `body`."""
-        zeros = np.zeros_like
+        zeros = aligned_zeros_like
         return cls(zeros(body.mass), zeros(body.mass), make_rates(body, settings), np.zeros(2))
 
 

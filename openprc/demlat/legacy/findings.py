@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.demlat.contact.findings import can_touch
-from openprc.demlat.stability import step_limit
+from openprc.demlat.planning.stability import step_limit
 from openprc.schema.findings import Finding
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array  # noqa: TID253 - orderings come from scipy
-from scipy.sparse.csgraph import reverse_cuthill_mckee  # noqa: TID253
-from scipy.sparse.linalg import splu  # noqa: TID253
+from scipy.sparse import csc_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import splu
 
 Reals = NDArray[np.float64]
 #: Unsigned, so that compiled code need not ask whether an index counts from the end.

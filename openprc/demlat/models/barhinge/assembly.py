@@ -17,6 +17,7 @@ from openprc.demlat.models.barhinge.drive_table import drive_table
 from openprc.demlat.models.barhinge.rigid_assembly import (
     RigidScene,
     knows_constraints,
+    mark_undetermined,
     rigid_elements,
     rigid_scene,
 )
@@ -202,6 +203,8 @@ class _Assembler:
                 geometries[0].hinges.rest_angle.copy(),
             ),
         )
+        if self.rigid is not None:
+            mark_undetermined(body.scratch, self.first.geometry, self.rigid)
         velocities = np.array([g.velocities for g in geometries]) / scale.velocity
         state = State(
             x=reals((self.positions - self.reference) / scale.length),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr  # noqa: TID253 - a rank is what this file computes
+from scipy.linalg import qr
 
 from openprc.demlat.models.barhinge.constraint_calls import prepare, push, rates, solve
 

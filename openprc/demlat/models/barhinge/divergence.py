@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.demlat.stability import StepLimit
+    from openprc.demlat.planning.stability import StepLimit
     from openprc.schema.experiment import Experiment
 
 

@@ -14,7 +14,7 @@ from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
-from openprc.demlat.stability import step_limit
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 
 if TYPE_CHECKING:

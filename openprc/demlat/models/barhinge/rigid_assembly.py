@@ -155,6 +155,18 @@ def rigid_elements(
     )
 
 
+def mark_undetermined(scratch: tuple[Reals, ...], geometry: Geometry, scene: RigidScene) -> None:
+    """Set forces and moments of rigid elements that are no rows to NaN, once and for all.
+
+    `scratch` is that of `openprc.demlat.models.barhinge.tables.Body`.
+    """
+    bars, hinges = geometry.bars.rigid.copy(), geometry.hinges.rigid.copy()
+    bars[scene.system.bars] = False
+    hinges[scene.system.hinges] = False
+    scratch[1][bars] = np.nan
+    scratch[3][hinges] = np.nan
+
+
 def stops(geometry: Geometry) -> NDArray[np.bool_]:
     """Return which hinges have hard stops: (K,) bool."""
     hinges = geometry.hinges

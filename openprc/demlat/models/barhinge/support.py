@@ -11,8 +11,8 @@ from openprc.demlat.contact.findings import contact_refusals, contact_remarks
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.legacy.findings import LEGACY, legacy_refusals, legacy_remarks
 from openprc.demlat.models.barhinge.rigid_findings import rigid_refusals, rigid_remarks
+from openprc.demlat.planning.stability import is_surely_sound, step_limit
 from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
-from openprc.demlat.stability import is_surely_sound, step_limit
 from openprc.schema.findings import Finding
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.assembly import LEAST_ELEMENTS
 
 if TYPE_CHECKING:
-    from openprc.demlat.stability import StepLimit
+    from openprc.demlat.planning.stability import StepLimit
     from openprc.schema.experiment import Experiment
 
 #: Seconds for one evaluation of all forces, per evaluation, bar and hinge, on one core of a

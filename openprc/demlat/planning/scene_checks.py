@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.demlat.statics.element_shapes import bar_directions, hinge_gradients
-from openprc.demlat.tangent_operators import (
+from openprc.demlat.planning.tangent_operators import (
     DEGENERATE,
     free_axes,
     hinge_flatness,
     starting_positions,
 )
+from openprc.demlat.statics.element_shapes import bar_directions, hinge_gradients
 from openprc.schema.findings import Finding
 from openprc.schema.mistakes import list_some
 

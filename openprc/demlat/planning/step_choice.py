@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from openprc.demlat.integrators import find_integrator
-from openprc.demlat.stability import step_limit
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError
 from openprc.schema.experiment_checks import check_experiment
 

@@ -10,13 +10,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from openprc.demlat.integrators import INTEGRATORS
-from openprc.demlat.step_limits import (
+from openprc.demlat.planning.step_limits import (
     RK4_UNDAMPED,
     largest_step,
     rk4_growth,
     rk4_loss,
 )
-from openprc.demlat.tangent_operators import Culprit, TangentOperators
+from openprc.demlat.planning.tangent_operators import Culprit, TangentOperators
 from openprc.schema.geometry import Bars
 
 if TYPE_CHECKING:

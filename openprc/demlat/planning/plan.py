@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from openprc.demlat.integrators import find_integrator
 from openprc.demlat.models.barhinge.support import remarks, supports
-from openprc.demlat.run_cost import RunCost, run_cost
-from openprc.demlat.scene_checks import mechanisms, scene_findings
-from openprc.demlat.stability import ACCURATE, Verdict, step_limit
-from openprc.demlat.tangent_operators import free_axes
+from openprc.demlat.planning.run_cost import RunCost, run_cost
+from openprc.demlat.planning.scene_checks import mechanisms, scene_findings
+from openprc.demlat.planning.stability import ACCURATE, Verdict, step_limit
+from openprc.demlat.planning.tangent_operators import free_axes
 from openprc.schema.experiment_checks import check_experiment
 from openprc.schema.findings import Finding
 
@@ -28,7 +28,7 @@ class Plan:
     integrator : str
     dt : float [s]
     verdict : {"fine", "dissipative", "marginal", "unstable"}
-        See `openprc.demlat.stability.StepLimit.verdict`.
+        See `openprc.demlat.planning.stability.StepLimit.verdict`.
     limit : float or None [s]
         The largest stable step; None when no step is too large.
     recommended : float or None [s]
@@ -144,7 +144,7 @@ def make_plan(experiment: Experiment) -> Plan:
 
     Examples
     --------
-    >>> from openprc.demlat.plan import make_plan
+    >>> from openprc.demlat.planning.plan import make_plan
     >>> from openprc.schema.experiment import Experiment
     >>> from openprc.schema.geometry import Bars, Geometry
     >>> bars = Bars(indices=[[0, 1]], stiffness=[100.0], rest_length=[1.0])

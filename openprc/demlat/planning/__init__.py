@@ -1,0 +1,1 @@
+"""What can be said of a run before it: stability, cost, and what looks wrong with the scene."""
