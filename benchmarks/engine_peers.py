@@ -19,7 +19,7 @@ arithmetic of the scene takes at the measured peak of multiply-adds, or its root
 divisions at the measured throughput of the divider, whichever is longer.
 
 The last tables are from input files to output file: 20,000 steps of 0.1 ms (upstream: 1000),
-every tenth saved. What our run costs beyond "steps only" is files and derived quantities.
+every hundredth saved. What our run costs beyond "steps only" is files and derived quantities.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from typing import Any, Self
 import numpy as np
 from engine_scenes import COUNTS, Scene, make_scene, reference_positions, save_scene
 from peers.machine import Limits, measure_limits
-from peers.serving import CHECKED_STEPS
+from peers.serving import CHECKED_STEPS, SAVE_EVERY
 from rich.console import Console
 from rich.table import Table
 
@@ -48,7 +48,6 @@ BLOCK_S = 0.15  # CPU time that a block of steps should take
 FEWEST, MOST = 5, 20_000  # steps a block
 RUN_SCENES = ("lat10", "miu4x8")
 RUN_DT = 1e-4  # [s]
-RUN_SAVE = 100  # steps between frames of the last tables
 OURS, UPSTREAM, TAICHI = "openprc", "upstream", "taichi serial"
 
 
@@ -299,7 +298,7 @@ def main() -> None:
         options.peer_python = options.peer_python.absolute()
         if not options.peer_python.is_file():
             parser.error(f"--peer-python: there is no {options.peer_python}")
-    console = Console(width=max(Console().width, 100))
+    console = Console(width=max(Console().width, 112))
     how = {"peer_python": options.peer_python, "rounds": options.rounds}
 
     limits = measure_limits()
@@ -320,7 +319,7 @@ def main() -> None:
             scene = replace(make_scene(name), dt=RUN_DT)
             rows = as_rows(compare(RUNNING, scene, **how), None)
             runs += rows
-            title = f"{name}, files to file, steps of {RUN_DT:g} s, every tenth saved"
+            title = f"{name}, files to file, steps of {RUN_DT:g} s, every {SAVE_EVERY}th saved"
             console.print(scene_table(rows, title=title, running=True))
     if options.json:
         content = {"limits": limits.as_dict(), "steps": steps, "runs": runs}

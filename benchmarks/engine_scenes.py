@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -99,6 +99,7 @@ def to_experiment(
     dt: float | None = None,
     integrator: str = "rk4",
     tolerance: float | None = None,
+    step_check: Literal["refuse", "warn"] = "refuse",
 ) -> Experiment:
     """Return the scene as the engine takes it; times in [s], `dt` that of the scene if None."""
     # Peers import this module where another package, or none, goes by the name openprc.
@@ -128,6 +129,7 @@ def to_experiment(
         save_interval=save_interval,
         integrator=integrator,
         tolerance=tolerance,
+        step_check=step_check,
         damping=float((scene.drag / scene.masses).mean() * scene.masses.mean()),
     )
 

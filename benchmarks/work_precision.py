@@ -31,13 +31,14 @@ from typing import Any
 import numpy as np
 from engine_scenes import Scene, make_scene, to_experiment
 from peers.numba_scalar import flat_tables, forces, inverse_masses, rk4
-from peers.ours import Outcome, prepare_integration, refusal, stable_dt
+from peers.ours import Outcome, prepare_integration, refusal
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
-from openprc.demlat import integrators
+from openprc.demlat.integrators import INTEGRATORS
+from openprc.demlat.planning.stability import stable_step
 from openprc.errors import OpenPRCError
 
 DURATIONS = {"lat10": 1.0, "miu4x8": 1.0, "miu4x8-stiff": 0.5}  # [s]
@@ -71,7 +72,7 @@ class Rung:
 
     step: float
     adaptive: bool
-    run: Callable[[], Outcome]
+    begin: Callable[[], Callable[[], Outcome]]
     error: float = math.nan
     evaluations: int | None = None
     note: str = ""
@@ -79,9 +80,10 @@ class Rung:
 
     def measure(self, reference: np.ndarray) -> None:
         """Run once more."""
-        start = time.process_time()
         try:
-            outcome = self.run()
+            run = self.begin()
+            start = time.process_time()
+            outcome = run()
         except OpenPRCError as problem:
             self.note = str(problem).splitlines()[0]
             return
@@ -97,7 +99,7 @@ class Rung:
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
         values = asdict(self)
-        del values["run"]
+        del values["begin"]
         return values | {"error": None if math.isnan(self.error) else self.error}
 
 
@@ -133,8 +135,10 @@ def converged(scene: Scene, *, duration: float) -> tuple[np.ndarray, float]:
 # --- ladders ----------------------------------------------------------------------------------
 
 
-def yardstick(scene: Scene, *, duration: float, steps_per_frame: int) -> Callable[[], Outcome]:
-    """Return what runs the scalar loop, keeping the same frames as the engine."""
+def yardstick(
+    scene: Scene, *, duration: float, steps_per_frame: int
+) -> Callable[[], Callable[[], Outcome]]:
+    """Return what begins the scalar loop, keeping the same frames as the engine."""
     tables, inverse = flat_tables(scene), inverse_masses(scene)
     h = duration / N_SAMPLES / steps_per_frame
 
@@ -146,7 +150,7 @@ def yardstick(scene: Scene, *, duration: float, steps_per_frame: int) -> Callabl
             frames.append(x.copy())
         return Outcome(np.array(frames), 4 * steps_per_frame * N_SAMPLES)
 
-    return run
+    return lambda: run
 
 
 def ladder(
@@ -154,10 +158,10 @@ def ladder(
 ) -> list[Rung]:
     """Return the measured rungs of one integrator, coarse ones first."""
     frame = duration / N_SAMPLES
-    common = {"duration": duration, "save_interval": frame}
+    common = {"duration": duration, "save_interval": frame, "step_check": "warn"}
     plain = to_experiment(scene, **common, dt=frame)
-    fewest = math.ceil(frame / stable_dt(plain))
-    adaptive = name in getattr(integrators, "ADAPTIVE", ("rk45", "dop853"))
+    fewest = math.ceil(frame / stable_step(plain))
+    adaptive = name != YARDSTICK and INTEGRATORS[name].step == "adaptive"
 
     def rungs() -> Any:
         if adaptive:
@@ -275,7 +279,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    offered = list(getattr(integrators, "INTEGRATORS", ("rk4",)))
+    # Repeating old runs is no use of work, and constraints have nothing to do here.
+    offered = [n for n, s in INTEGRATORS.items() if s.step != "legacy" and s.rigid == "no"]
     parser.add_argument("--scenes", nargs="+", choices=list(DURATIONS), default=list(DURATIONS))
     parser.add_argument("--integrators", nargs="+", choices=offered, default=offered)
     parser.add_argument("--rounds", type=int, default=3)

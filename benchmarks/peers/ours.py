@@ -61,18 +61,24 @@ def ours(scene: Scene) -> Run:
     return run
 
 
-def prepare_integration(experiment: Experiment) -> Callable[[], Outcome]:
-    """Return what runs an experiment in memory, from t = 0 each time, all frames kept."""
+def prepare_integration(experiment: Experiment) -> Callable[[], Callable[[], Outcome]]:
+    """Return what begins a run in memory, up to its first frame; that returns the rest of it."""
     model = BarHingeModel(experiment)
     scheme = INTEGRATORS[experiment.integrator]
-    each = scheme.stages if scheme.step == "fixed" else None
     steps = experiment.steps_per_frame * (experiment.n_frames - 1)
 
-    def run() -> Outcome:
-        frames = np.concatenate([out.x.copy() for _, out in model.blocks()])
-        return Outcome(frames, None if each is None else each * steps)
+    def begin() -> Callable[[], Outcome]:
+        blocks = model.blocks()
+        first = next(blocks)[1].x.copy()
 
-    return run
+        def run() -> Outcome:
+            frames = np.concatenate([first, *(out.x.copy() for _, out in blocks)])
+            evaluations = model.effort.get("evaluations", scheme.stages * steps)
+            return Outcome(frames, evaluations)
+
+        return run
+
+    return begin
 
 
 def refusal(experiment: Experiment) -> str:

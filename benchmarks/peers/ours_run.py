@@ -13,7 +13,7 @@ from peers.serving import SAVE_EVERY, Run, serve
 
 
 def prepare(scene: Scene) -> Run:
-    """Return a function that runs n steps and writes every tenth."""
+    """Return a function that runs n steps and writes every hundredth."""
 
     def run(n_steps: int) -> None:
         interval = SAVE_EVERY * scene.dt

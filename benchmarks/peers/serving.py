@@ -22,7 +22,7 @@ from engine_scenes import Scene, load_scene
 
 CHECKED_STEPS = 20
 #: Distance of the frames that runs to a file save.
-SAVE_EVERY = 10
+SAVE_EVERY = 100
 
 #: Runs n steps from the start of the scene; returns the positions (N, 3) [m] or None.
 Run = Callable[[int], "np.ndarray | None"]

@@ -15,7 +15,7 @@ from peers.upstream import write_folder
 
 
 def prepare(scene: Scene) -> Run:
-    """Return a function that runs n steps and writes every tenth."""
+    """Return a function that runs n steps and writes every hundredth."""
 
     def run(n_steps: int) -> None:
         with tempfile.TemporaryDirectory() as name:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -189,8 +188,3 @@ def make_control(kind: str, settings: Settings, steps_per_frame: int) -> Any:
     from openprc.demlat.integrators.stepping import FixedControl  # noqa: PLC0415  compiles
 
     return FixedControl(settings.frame_time, steps_per_frame, settings.h, settings.limit)
-
-
-def n_threads() -> int:
-    """Return how many scenes may be stepped at once."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
