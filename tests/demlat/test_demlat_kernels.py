@@ -292,3 +292,52 @@ def test_observables_against_plain_loops(body):
     torques = observables.hinge_torques(angles, 0 * angles, geometry.hinges)
     delta = np.angle(np.exp(1j * (angles - geometry.hinges.rest_angle)))
     np.testing.assert_allclose(torques, geometry.hinges.stiffness * delta, atol=1e-12)
+
+
+def test_elements_between_fixed_nodes_are_shown_and_not_stepped(body, simulate):
+    # Half of the nodes of a grid are fixed; the same scene one element at a time is the judge.
+    rng = np.random.default_rng(5)
+    n = 6
+    x = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), -1).reshape(-1, 2) * 1.0
+    x = np.column_stack([x, 0.1 * rng.normal(size=len(x))])
+    number = np.arange(n * n).reshape(n, n)
+    pairs = np.concatenate(
+        [
+            np.stack([number[:, :-1], number[:, 1:]], -1).reshape(-1, 2),
+            np.stack([number[:-1], number[1:]], -1).reshape(-1, 2),
+        ]
+    )
+    quads = np.stack(
+        [number[:-1, 1:-1], number[1:, 1:-1], number[:-1, :-2], number[:-1, 2:]], -1
+    ).reshape(-1, 4)
+    bars = np.column_stack(
+        [
+            pairs,
+            rng.uniform(5, 9, len(pairs)),
+            rng.uniform(0.9, 1.1, len(pairs)),
+            rng.uniform(0, 0.1, len(pairs)),
+        ]
+    )
+    folds = np.column_stack(
+        [quads, np.full(len(quads), 0.1), rng.uniform(2.8, 3.4, len(quads)), np.zeros(len(quads))]
+    )
+    scene = body(
+        x, np.ones(n * n), bars=bars, hinges=folds, fixed=np.arange(n * n) < 18, duration=0.2
+    )
+    idle = scene.geometry.fixed[scene.geometry.bars.indices].all(axis=1)
+    many = assemble([scene])
+    stepped = {int(e) for group in many.body.bars for e in group.element if e >= 0}
+    assert idle.sum() == 27
+    assert stepped == set(np.flatnonzero(~idle).tolist())
+    run = simulate(scene)
+    length = observables.bar_lengths(run.x[-1:], scene.geometry.bars)
+    np.testing.assert_allclose(run.length[-1:], length, rtol=1e-13)
+    np.testing.assert_allclose(
+        run.tension[-1:],
+        observables.bar_forces(run.x[-1:], run.v[-1:], length, scene.geometry.bars),
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(
+        run.angle[-1:], observables.hinge_angles(run.x[-1:], scene.geometry.hinges), atol=1e-12
+    )
+    assert run.potential[-1] == pytest.approx(numpy_energy(scene, run.x[-1]), rel=1e-12)

@@ -14,6 +14,7 @@ from openprc.demlat.contact.findings import can_touch
 from openprc.demlat.contact.table import ContactTable, contact_tables
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.models.barhinge.drive_table import drive_table
+from openprc.demlat.models.barhinge.idle_elements import idle_elements, preset
 from openprc.demlat.models.barhinge.rigid_assembly import (
     RigidScene,
     knows_constraints,
@@ -73,6 +74,8 @@ class Assembly:
         Added to saved positions; 0 unless in displacement form.
     reference_work : float [J]
         What gravity does on the way from the origin to `reference`, in the first scene.
+    idle_energy : bars, hinges [J]
+        Of elements between fixed nodes, which are not stepped.
     rigid : RigidScene, optional
         Where the integrator keeps constraints.
     """
@@ -84,6 +87,7 @@ class Assembly:
     reference: Reals
     reference_work: float
     rigid: RigidScene | None = None
+    idle_energy: tuple[float, float] = (0.0, 0.0)
 
 
 def assemble(
@@ -154,6 +158,7 @@ class _Assembler:
         # All small scenes share one compiled loop, so nothing is left out of them.
         self.lean = len(packing.lanes) > 1
         self.held = np.array([e.held_axes for e in experiments])
+        self.idle = idle_elements(experiments, wanted=self.lean)
         self.rigid = None
         if knows_constraints(self.first):
             self.rigid = rigid_scene(self.first)
@@ -203,6 +208,7 @@ class _Assembler:
                 geometries[0].hinges.rest_angle.copy(),
             ),
         )
+        idle_energy = preset(body.scratch, geometries[0], self.idle, scale)
         if self.rigid is not None:
             mark_undetermined(body.scratch, self.first.geometry, self.rigid)
         velocities = np.array([g.velocities for g in geometries]) / scale.velocity
@@ -212,7 +218,9 @@ class _Assembler:
             ledger=np.zeros(len(LEDGER) * LEDGER_STRIDE, packing.dtype) if ledger else None,
         )
         falling = float((weight[0] * self.reference[0]).sum()) / scale.length * scale.moment
-        return Assembly(body, state, packing, scale, self.reference, falling, self.rigid)
+        return Assembly(
+            body, state, packing, scale, self.reference, falling, self.rigid, idle_energy
+        )
 
     def _constraints(self) -> RigidElements | None:
         if self.rigid is None:
@@ -243,7 +251,7 @@ class _Assembler:
         if printed:
             ratios = self.column("bars", "damping")
             columns["damping"] = np.zeros_like(ratios)
-        soft = ~bars.rigid
+        soft = ~bars.rigid & ~self.idle.bars
         for law, group in BAR_GROUPS.items():
             chosen = np.flatnonzero(soft & (bars.law == law))
             if not len(chosen) and not (law == "linear" and not self.lean):
@@ -289,7 +297,7 @@ class _Assembler:
             "damping": self.column("hinges", "damping", scale.moment * scale.time),
         }
         for law, group in (("linear", LinearHinges), ("enhanced-linear", WalledHinges)):
-            chosen = np.flatnonzero(~hinges.rigid & (hinges.law == law))
+            chosen = np.flatnonzero(~hinges.rigid & ~self.idle.hinges & (hinges.law == law))
             if not len(chosen) and not (law == "linear" and not self.lean):
                 continue
             more = self._walls(rest) if law == "enhanced-linear" else {}

@@ -161,6 +161,7 @@ class BarHingeModel:
         if assembly.reference.any():
             block.x[...] += assembly.reference[0, :, : assembly.packing.dims]
             block.energy[:, 3] -= assembly.reference_work
+        block.energy[:, 1:3] += assembly.idle_energy
         return block
 
     def _diverged(self, assembly: Assembly, coordinate: int, time: float) -> Diverged:
