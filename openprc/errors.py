@@ -156,6 +156,12 @@ class Diverged(OpenPRCError):
     exit_code = 1
 
 
+class NotConverged(OpenPRCError):
+    """An iteration ended without the balance that was asked for."""
+
+    exit_code = 1
+
+
 class TaskError(OpenPRCError):
     """The task, split or score cannot be computed from what was given."""
 

@@ -17,7 +17,7 @@ from openprc.demlat.statics.element_shapes import (
     hinge_gradients,
     hinge_hessians,
 )
-from openprc.errors import ConfigError, Diverged, UnsupportedScene
+from openprc.errors import ConfigError, NotConverged, UnsupportedScene
 from openprc.schema.experiment import Actuator, Collision, Experiment, Signal
 from openprc.schema.geometry import Bars, Geometry, Hinges
 
@@ -257,9 +257,9 @@ def test_arrays_are_frozen_and_fixed_nodes_are_held():
 
 def test_collapsed_elements_are_named():
     problem = StaticProblem(geometry=two_nodes())
-    with pytest.raises(Diverged, match=r"nodes \[0, 1\] of bar 0 are at one point"):
+    with pytest.raises(NotConverged, match=r"nodes \[0, 1\] of bar 0 are at one point"):
         problem.gradient(np.zeros((2, 3)))
-    with pytest.raises(Diverged, match=r"hinge 0 \[0, 1, 2, 3\] has a wing on its crease line"):
+    with pytest.raises(NotConverged, match=r"hinge 0 \[0, 1, 2, 3\] has a wing on its crease line"):
         hinge_gradients(np.array([[0, 0, 0], [1, 0, 0], [0.5, 0, 0], [0, 1, 0.0]]), ROW)
 
 

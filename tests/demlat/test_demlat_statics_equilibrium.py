@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from openprc.demlat.geometry_builder import GeometryBuilder
 from openprc.demlat.statics import StaticProblem, equilibrated, find_equilibrium
-from openprc.errors import ConfigError, Diverged
+from openprc.errors import ConfigError, NotConverged
 from openprc.schema.experiment import Experiment
 
 SPAN, RISE, STIFFNESS = 1.0, 0.3, 100.0
@@ -383,14 +383,14 @@ def test_load_on_a_floating_piece_is_refused():
 
 def test_iterations_run_out_in_words():
     with pytest.raises(
-        Diverged, match=r"after 2 iterations \(the iterations are used up\).*of node 1"
+        NotConverged, match=r"after 2 iterations \(the iterations are used up\).*of node 1"
     ):
         find_equilibrium(truss(0.99), max_iterations=2)
 
 
 def test_rigid_elements_that_do_not_fit_are_refused():
     geometry = chain(3, span=1.0, length=0.9, stiffness=0.0, rigid=True)
-    with pytest.raises(Diverged, match="rigid elements cannot all have their length or angle"):
+    with pytest.raises(NotConverged, match="rigid elements cannot all have their length or angle"):
         find_equilibrium(StaticProblem(geometry=geometry))
 
 

@@ -19,7 +19,7 @@ from openprc.demlat.statics.element_shapes import (
     hinge_gradients,
     hinge_hessians,
 )
-from openprc.errors import ConfigError, Diverged, UnsupportedScene
+from openprc.errors import ConfigError, NotConverged, UnsupportedScene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -235,7 +235,7 @@ class StaticProblem:
 
         Raises
         ------
-        Diverged
+        NotConverged
             When the direction of a loaded bar or the angle of a hinge has no meaning.
         """
         bars, hinges = self.geometry.bars.indices, self.geometry.hinges.indices
@@ -362,7 +362,7 @@ class StaticProblem:
         bad = np.flatnonzero((lengths == 0) & (force != 0))
         if len(bad):
             nodes = self.geometry.bars.indices[bad[0]].tolist()
-            raise Diverged(
+            raise NotConverged(
                 f"the nodes {nodes} of bar {int(bad[0])} are at one point, and it pushes",
                 expected="a distance between them, else its force has no direction",
                 fix="start from another state",

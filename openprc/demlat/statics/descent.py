@@ -15,7 +15,7 @@ from openprc.demlat.statics.factorization import (
     out_of_balance,
     stationary_step,
 )
-from openprc.errors import Diverged
+from openprc.errors import NotConverged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -150,7 +150,7 @@ class Descent:
 
         Raises
         ------
-        Diverged
+        NotConverged
             When `max_iterations` do not suffice, or no step makes progress.
         """
         x = self._satisfy_constraints(x)
@@ -210,7 +210,7 @@ class Descent:
         """Evaluate a trial; None where a bar or hinge has collapsed."""
         try:
             return self.state(x)
-        except Diverged:  # a shorter step stays clear of it
+        except NotConverged:  # a shorter step stays clear of it
             return None
 
     def _accepts(self, old: State, new: State, gain: float) -> bool:
@@ -280,7 +280,7 @@ class Descent:
             if damping > 1e12:
                 break
         size = float(np.abs(gaps).max())
-        raise Diverged(
+        raise NotConverged(
             f"rigid elements cannot all have their length or angle: {size:.3g} m are left",
             expected="rigid bars and hinges that fit together with what is held",
             fix="check their rest lengths and rest angles, or make some of them soft",
@@ -299,16 +299,16 @@ class Descent:
                 if self.problem.energy(best) < state.energy:
                     return best
             step = 0.5 * step
-        raise Diverged(
+        raise NotConverged(
             "a saddle whose direction of lower energy leads nowhere",
             expected="lower energy beside it",
             fix="start elsewhere, or ask for kind='stationary'",
         )
 
-    def _failure(self, state: State, iterations: int, why: str) -> Diverged:
+    def _failure(self, state: State, iterations: int, why: str) -> NotConverged:
         worst = int(np.abs(state.residual).argmax())
         node, axis = divmod(int(self.problem.free[worst]), 3)
-        return Diverged(
+        return NotConverged(
             f"no equilibrium after {iterations} iterations ({why}): {state.size:.3g} N are out"
             f" of balance along {'xyz'[axis]} of node {node}",
             expected=f"at most {state.limit:.3g} N",

@@ -21,7 +21,7 @@ from openprc.demlat.statics.factorization import (
     factor_definite,
     out_of_balance,
 )
-from openprc.errors import Diverged
+from openprc.errors import NotConverged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,7 +116,7 @@ def _sparse(
             break
         shift *= 10.0
     if factors is None:
-        raise Diverged(
+        raise NotConverged(
             "a stiffness matrix whose entries span too many orders of magnitude",
             expected="eigenvalues that double precision can tell apart",
             fix="bring the stiffnesses of the elements nearer to each other",
@@ -139,7 +139,7 @@ def _sparse(
             matrix, k=n, sigma=-shift, OPinv=inverse, which="LM", v0=start, tol=0.0
         )
     except ArpackNoConvergence as error:
-        raise Diverged(
+        raise NotConverged(
             f"only {len(error.eigenvalues)} of {n} eigenvalues were found",
             expected="eigenvalues that Lanczos' method can tell apart",
             fix="ask for fewer",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.errors import Diverged
+from openprc.errors import NotConverged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def hinge_gradients(x: Reals, indices: Nodes) -> Reals:
 
     Raises
     ------
-    Diverged
+    NotConverged
         When a wing lies on its crease line, where the angle has no meaning.
     """
     a, b, c, m, n = _vectors(x, indices)
@@ -88,7 +88,7 @@ def hinge_hessians(x: Reals, indices: Nodes) -> Reals:
 
     Raises
     ------
-    Diverged
+    NotConverged
         When a wing lies on its crease line.
     """
     a, b, c, m, n = _vectors(x, indices)
@@ -146,7 +146,7 @@ def _cross_matrix(v: Reals) -> Reals:
 def _refuse_degenerate(product: Reals, indices: Nodes) -> None:
     bad = np.flatnonzero(~(product > 0.0))
     if len(bad):
-        raise Diverged(
+        raise NotConverged(
             f"hinge {int(bad[0])} {indices[bad[0]].tolist()} has a wing on its crease line",
             expected="four nodes that form two triangles",
             fix="start from another state, or give the facets bars that keep their shape",

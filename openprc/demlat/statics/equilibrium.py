@@ -11,7 +11,7 @@ from openprc.demlat.statics.assembly import StaticProblem
 from openprc.demlat.statics.descent import Descent
 from openprc.demlat.statics.eigenpairs import pieces
 from openprc.demlat.statics.inertia import Stability, stability
-from openprc.errors import ConfigError, Diverged
+from openprc.errors import ConfigError, NotConverged
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -106,7 +106,7 @@ def find_equilibrium(
     ------
     ConfigError
         When an argument is wrong, or a load acts on a piece that nothing holds.
-    Diverged
+    NotConverged
         When no equilibrium is reached.
 
     Examples
@@ -156,7 +156,7 @@ def find_equilibrium(
         if kind == "stationary" or not found.n_negative:
             return _record(problem, search, x, iterations, escapes, found)
         x = search.leave_saddle(x, found.directions[0])
-    raise Diverged(
+    raise NotConverged(
         f"{_ESCAPES} saddles in a row and no minimum",
         expected="a state from which the energy falls to a minimum",
         fix="start elsewhere, or ask for kind='stationary'",
@@ -188,7 +188,7 @@ def equilibrated(
 
     Raises
     ------
-    ConfigError, UnsupportedScene, Diverged
+    ConfigError, UnsupportedScene, NotConverged
         As `StaticProblem.from_experiment` and `find_equilibrium` do.
 
     Examples

@@ -12,7 +12,7 @@ import numpy as np
 from openprc.demlat.statics.congruence import allowed_motions
 from openprc.demlat.statics.equilibrium import Equilibrium, find_equilibrium
 from openprc.demlat.statics.inertia import stability
-from openprc.errors import ConfigError, Diverged
+from openprc.errors import ConfigError, NotConverged
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -188,7 +188,7 @@ def find_stable_states(
                 force_tolerance=force_tolerance,
                 max_iterations=max_iterations,
             )
-        except Diverged as error:
+        except NotConverged as error:
             failures[number] = error.found
         else:
             way = motions.distance(begin, reached.positions)
