@@ -16,7 +16,7 @@ def prepare(scene: Scene) -> Run:
     """Return a function that runs n steps and writes every hundredth."""
 
     def run(n_steps: int) -> None:
-        interval = SAVE_EVERY * scene.dt
+        interval = min(SAVE_EVERY, n_steps) * scene.dt
         experiment = to_experiment(scene, duration=n_steps * scene.dt, save_interval=interval)
         with tempfile.TemporaryDirectory() as name:
             save_experiment(experiment, Path(name))
