@@ -270,7 +270,8 @@ def draw(path: Path, results: dict[str, dict[str, list[Rung]]]) -> None:
         for axis in axes[:, column]:
             axis.grid(which="both", alpha=0.3)
             axis.set_ylabel("rms error / rms displacement [1]")
-    axes[0, 0].legend()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3 * len(results))
     figure.savefig(path, dpi=150)
 
 

@@ -74,6 +74,8 @@ def prepare_integration(experiment: Experiment) -> Callable[[], Callable[[], Out
         def run() -> Outcome:
             frames = np.concatenate([first, *(out.x.copy() for _, out in blocks)])
             evaluations = model.effort.get("evaluations", scheme.stages * steps)
+            if scheme.name == "midpoint":
+                evaluations = None  # as many as its iterations take
             return Outcome(frames, evaluations)
 
         return run
