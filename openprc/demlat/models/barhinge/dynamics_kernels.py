@@ -14,55 +14,40 @@ from openprc.demlat.models.barhinge.hinge_kernels import add_hinges, observe_hin
 from openprc.demlat.models.barhinge.tables import DRAG, LEDGER_STRIDE, PrintedDampers
 
 
-def start_forces(body: Any, v: Any, force: Any, rates: Any) -> None:
-    """Set `force` to weight minus drag, and book what drag loses."""
+def first_force(body: Any, at: int, u: Any) -> Any:
+    """Return weight minus drag of one vector of coordinates, and what drag loses."""
 
 
-@chosen_by_type(start_forces)
-def _start_forces(body, v, force, rates):
+@chosen_by_type(first_force)
+def _first_force(body, at, u):
     kinds = dict(zip(body.fields, body.types, strict=True))
     no_weight = isinstance(kinds["weight"], types.NoneType)
     if isinstance(kinds["drag"], types.NoneType):
         if no_weight:
+            return lambda body, at, u: (splat(body.lanes, 0.0), splat(body.lanes, 0.0))
+        return lambda body, at, u: (load(body.lanes, body.weight, at, 0), splat(body.lanes, 0.0))
 
-            def nothing(body, v, force, rates):
-                zero = splat(body.lanes, 0.0)
-                for at in range(0, force.size, len(body.lanes)):
-                    store(body.lanes, force, at, zero)
+    def dragged(body, at, u):
+        resistance = load(body.lanes, body.drag, at, 0) * u
+        return -resistance, resistance * u
 
-            return nothing
+    def both(body, at, u):
+        resistance = load(body.lanes, body.drag, at, 0) * u
+        return load(body.lanes, body.weight, at, 0) - resistance, resistance * u
 
-        def only_weight(body, v, force, rates):
-            for at in range(0, force.size, len(body.lanes)):
-                store(body.lanes, force, at, load(body.lanes, body.weight, at, 0))
+    return dragged if no_weight else both
 
-        return only_weight
 
-    if no_weight:
-
-        def only_drag(body, v, force, rates):
-            lanes = body.lanes
-            lost = splat(lanes, 0.0)
-            for at in range(0, force.size, len(lanes)):
-                u = load(lanes, v, at, 0)
-                resistance = load(lanes, body.drag, at, 0) * u
-                lost += resistance * u
-                store(lanes, force, at, -resistance)
-            keep(lanes, rates, DRAG * LEDGER_STRIDE, lost)
-
-        return only_drag
-
-    def both(body, v, force, rates):
-        lanes = body.lanes
-        lost = splat(lanes, 0.0)
-        for at in range(0, force.size, len(lanes)):
-            u = load(lanes, v, at, 0)
-            resistance = load(lanes, body.drag, at, 0) * u
-            lost += resistance * u
-            store(lanes, force, at, load(lanes, body.weight, at, 0) - resistance)
-        keep(lanes, rates, DRAG * LEDGER_STRIDE, lost)
-
-    return both
+@jit
+def start_forces(body: Any, v: Any, force: Any, rates: Any) -> None:
+    """Set `force` to weight minus drag, and book what drag loses."""
+    lanes = body.lanes
+    lost = splat(lanes, 0.0)
+    for at in range(0, force.size, len(lanes)):
+        begun, loss = first_force(body, at, load(lanes, v, at, 0))
+        store(lanes, force, at, begun)
+        lost += loss
+    keep(lanes, rates, DRAG * LEDGER_STRIDE, lost)
 
 
 def add_all_bars(groups: Any, body: Any, x: Any, v: Any, force: Any, rates: Any) -> None:
@@ -107,6 +92,14 @@ def evaluate(
     """
     clear(body, rates)
     start_forces(body, v, force, rates)
+    add_forces(body, x, v, force, rates, t, t_from, t_to)
+
+
+@jit
+def add_forces(
+    body: Any, x: Any, v: Any, force: Any, rates: Any, t: float, t_from: float, t_to: float
+) -> None:
+    """Add all forces but weight and drag, and their powers."""
     add_all_bars(body.bars, body, x, v, force, rates)
     add_all_hinges(body.hinges, body, x, v, force, rates)
     actuate(body.drives, v, force, rates, t, t_from, t_to)
