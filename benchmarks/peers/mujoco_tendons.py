@@ -8,7 +8,7 @@ from engine_scenes import Scene
 
 from peers.serving import NotExpressible, Run, serve
 
-#: 10,000 nodes end in "could not allocate memory" on 8 GiB.
+#: 10,000 nodes end in "could not allocate memory".
 MOST_NODES = 2000
 
 

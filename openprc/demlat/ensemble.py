@@ -109,6 +109,8 @@ def run_ensemble(
         raise ConfigError("no experiments", expected="at least one", key="experiments")
     if on_divergence not in ("raise", "mark"):
         raise ConfigError(repr(on_divergence), expected="'raise' or 'mark'", key="on_divergence")
+    if threads is not None and threads < 1:
+        raise ConfigError(f"{threads} threads", expected="at least one", key="threads")
     if precision is not None:
         experiments = [replace(experiment, precision=precision) for experiment in experiments]
     _check(experiments)
@@ -188,7 +190,7 @@ def _difference(first: Experiment, other: Experiment) -> str:
         return "another number of nodes"
     for kind in ("bars", "hinges"):
         left, right = getattr(one, kind), getattr(two, kind)
-        for column in ("indices", "law"):
+        for column in ("indices", "law", "rigid"):
             if not np.array_equal(getattr(left, column), getattr(right, column)):
                 return f"other {kind} ({column})"
     return ""

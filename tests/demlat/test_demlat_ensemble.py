@@ -142,8 +142,20 @@ def test_scenes_must_share_elements(make):
         run_ensemble([make(0), other])
 
 
+def test_rigid_elements_of_any_scene_are_seen(make):
+    soft, other = make(0, integrator="rattle"), make(1, integrator="rattle")
+    bars = replace(other.geometry.bars, rigid=[True, *[False] * 4])
+    stiff = replace(other, geometry=replace(other.geometry, bars=bars))
+    with pytest.raises(ConfigError, match=r"scene 1 has other bars \(rigid\)"):
+        run_ensemble([soft, stiff])
+    with pytest.raises(UnsupportedScene, match="rigid elements"):
+        run_ensemble([stiff, stiff])
+
+
 def test_what_an_ensemble_cannot_do_is_refused(make):
     scene = make(0)
+    with pytest.raises(ConfigError, match="0 threads"):
+        run_ensemble([scene], threads=0)
     with pytest.raises(ConfigError, match="no experiments"):
         run_ensemble([])
     with pytest.raises(ConfigError, match="'raise' or 'mark'"):
