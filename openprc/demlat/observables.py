@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.schema.dihedral import dihedral_angles
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -47,13 +49,7 @@ def hinge_angles(x: Reals, hinges: Hinges) -> Reals:
     The angle is measured on one side throughout, so it is continuous through flat and jumps
     only where a hinge folds shut.
     """
-    j, k, i, l = (x[:, hinges.indices[:, c]] for c in range(4))  # noqa: E741
-    a, b, c = i - j, k - j, k - l
-    m, n = np.cross(a, b), np.cross(b, c)
-    crease = np.sqrt(np.einsum("bea,bea->be", b, b))
-    bend = np.arctan2(-crease * np.einsum("bea,bea->be", n, a), -np.einsum("bea,bea->be", m, n))
-    angles: Reals = np.mod(bend + np.pi, 2.0 * np.pi)
-    return angles
+    return dihedral_angles(x, hinges.indices)
 
 
 def hinge_gradients(x: Reals, indices: NDArray[np.int32]) -> Reals:

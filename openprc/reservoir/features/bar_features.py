@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +20,18 @@ class BarLengths(Feature):
         Which bars, from 0; all by default.
     """
 
-    def __init__(self, bar_ids: Sequence[int] | None = None) -> None:
-        self.bar_ids = None if bar_ids is None else [int(i) for i in np.atleast_1d(bar_ids)]
+    #: After the number of the bar, where the column is not its length.
+    _suffix = ""
 
-    def config(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return {"type": type(self).__name__, "bar_ids": self.bar_ids}
+    def __init__(self, bar_ids: Sequence[int] | None = None) -> None:
+        self.bar_ids = bar_ids
 
     def _transform(self, loader: StateLoader) -> NDArray[np.float64]:
         return loader.bar_lengths(self.bar_ids)
 
     def _names(self, loader: StateLoader) -> list[str]:
         bars = loader.check_ids(self.bar_ids, loader.n_bars, what="bar")
-        return [f"bar{i}" for i in bars]
+        return [f"bar{i}{self._suffix}" for i in bars]
 
 
 class BarExtensions(BarLengths):
@@ -47,13 +45,27 @@ class BarExtensions(BarLengths):
         the two.
     """
 
+    _suffix = ".extension"
+
     def __init__(self, bar_ids: Sequence[int] | None = None, *, origin: Origin = "auto") -> None:
         super().__init__(bar_ids)
         self.origin = origin
 
-    def config(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return {**super().config(), "origin": self.origin}
-
     def _transform(self, loader: StateLoader) -> NDArray[np.float64]:
         return loader.bar_extensions(self.bar_ids, origin=self.origin)
+
+
+class BarStrains(BarExtensions):
+    """Bar strains, ``(l - l_rest) / l_rest``; what the file recorded, where it did.
+
+    Parameters
+    ----------
+    bar_ids : sequence of int, optional
+    origin : {"auto", "rest", "first"}
+        As for `BarExtensions`.
+    """
+
+    _suffix = ".strain"
+
+    def _transform(self, loader: StateLoader) -> NDArray[np.float64]:
+        return loader.bar_strains(self.bar_ids, origin=self.origin)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +17,18 @@ class Channels(Feature):
 
     Parameters
     ----------
-    channel_names : sequence of str, optional
+    channel_names : str or sequence of str, optional
         Which channels; all by default, in the order of the file.
     """
 
-    def __init__(self, channel_names: Sequence[str] | None = None) -> None:
-        if isinstance(channel_names, str):
-            channel_names = [channel_names]
-        self.channel_names = None if channel_names is None else list(channel_names)
-
-    def config(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return {"type": "Channels", "channel_names": self.channel_names}
+    def __init__(self, channel_names: str | Sequence[str] | None = None) -> None:
+        self.channel_names = channel_names
 
     def _chosen(self, loader: StateLoader) -> list[str]:
-        chosen = list(loader.channels) if self.channel_names is None else self.channel_names
+        names = self.channel_names
+        if isinstance(names, str):
+            names = [names]
+        chosen = list(loader.channels) if names is None else list(names)
         unknown = [name for name in chosen if name not in loader.channels]
         if unknown or not chosen:
             raise MissingData(

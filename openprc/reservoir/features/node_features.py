@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,9 @@ _AXES = "xyz"
 class _NodeFeature(Feature):
     """Selection of nodes and coordinates, and motion relative to one node."""
 
+    #: Before the name of a coordinate, where it is not the coordinate itself.
+    _prefix = ""
+
     def __init__(
         self,
         node_ids: Sequence[int] | None = None,
@@ -25,18 +27,9 @@ class _NodeFeature(Feature):
         *,
         reference_node: int | None = None,
     ) -> None:
-        self.node_ids = None if node_ids is None else [int(i) for i in np.atleast_1d(node_ids)]
-        self.dims = None if dims is None else [int(d) for d in np.atleast_1d(dims)]
+        self.node_ids = node_ids
+        self.dims = dims
         self.reference_node = reference_node
-
-    def config(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return {
-            "type": type(self).__name__,
-            "node_ids": self.node_ids,
-            "dims": self.dims,
-            "reference_node": self.reference_node,
-        }
 
     def _read(self, loader: StateLoader, nodes: list[int]) -> NDArray[np.float64]:
         raise NotImplementedError
@@ -54,20 +47,21 @@ class _NodeFeature(Feature):
 
     def _names(self, loader: StateLoader) -> list[str]:
         nodes = loader.check_ids(self.node_ids, loader.n_nodes, what="node")
-        return [f"node{n}.{_AXES[d]}" for n in nodes for d in self._dims(loader)]
+        return [f"node{n}.{self._prefix}{_AXES[d]}" for n in nodes for d in self._dims(loader)]
 
     def _dims(self, loader: StateLoader) -> list[int]:
         if self.dims is None:
             return list(range(loader.dims))
-        if loader.dims and not set(self.dims) <= set(range(loader.dims)):
+        dims = np.atleast_1d(np.asarray(self.dims)).tolist()
+        if loader.dims and not (dims and set(dims) <= set(range(loader.dims))):
             raise TaskError(
-                f"dims is {self.dims} and the file has {loader.dims} coordinates",
+                f"dims is {dims} and the file has {loader.dims} coordinates",
                 expected=f"coordinates from 0 to {loader.dims - 1}",
                 fix="choose coordinates that were measured",
                 file=loader.path,
                 key="dims",
             )
-        return self.dims
+        return dims
 
 
 class NodePositions(_NodeFeature):
@@ -112,9 +106,35 @@ class NodeDisplacements(_NodeFeature):
         super().__init__(node_ids, dims, reference_node=reference_node)
         self.origin = origin
 
-    def config(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return {**super().config(), "origin": self.origin}
-
     def _read(self, loader: StateLoader, nodes: list[int]) -> NDArray[np.float64]:
         return loader.displacements(nodes, origin=self.origin)
+
+
+class NodeVelocities(_NodeFeature):
+    """Velocities of nodes; columns as in `NodePositions`, named such as ``"node3.vz"``.
+
+    Parameters
+    ----------
+    node_ids, dims : as for `NodePositions`
+    reference_node : int, optional
+        A node whose velocity is subtracted.
+    derive : bool
+        Take central differences of the positions where the file stores no velocities; they look
+        one frame ahead. By default such a file is refused.
+    """
+
+    _prefix = "v"
+
+    def __init__(
+        self,
+        node_ids: Sequence[int] | None = None,
+        dims: Sequence[int] | None = None,
+        *,
+        reference_node: int | None = None,
+        derive: bool = False,
+    ) -> None:
+        super().__init__(node_ids, dims, reference_node=reference_node)
+        self.derive = derive
+
+    def _read(self, loader: StateLoader, nodes: list[int]) -> NDArray[np.float64]:
+        return loader.velocities(nodes, derive=self.derive)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,6 +84,34 @@ def column_index(trajectory: Trajectory, *, name: str, dof: int | str) -> int:
             key=f"/inputs/{name}/value",
         )
     return column
+
+
+def columns_of(
+    trajectory: Trajectory,
+    which: int | str | Sequence[int | str] | None = None,
+    *,
+    dof: int | str | Sequence[int | str] | None = None,
+) -> list[tuple[str, int]]:
+    """Return (input, column) pairs: of all inputs, or those in `which`; all columns, or `dof`.
+
+    Raises
+    ------
+    MissingInputError
+        When the file has no input, or there is none of that name or position.
+    """
+    input_name(trajectory)
+    names = [input_name(trajectory, w) for w in _listed(which, len(trajectory.inputs))]
+    return [
+        (name, column_index(trajectory, name=name, dof=item))
+        for name in names
+        for item in (trajectory.input(name).columns if dof is None else _listed(dof))
+    ]
+
+
+def _listed(items: int | str | Sequence[int | str] | None, count: int = 0) -> list[int | str]:
+    if items is None:
+        return list(range(count))
+    return [items] if isinstance(items, int | np.integer | str) else list(items)
 
 
 def stores_symbols(trajectory: Trajectory, name: str | None = None) -> bool:

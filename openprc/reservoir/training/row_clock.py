@@ -53,26 +53,27 @@ class RowClock:
         return self.frames.shape[1]
 
     def align_input(self, u: ArrayLike) -> tuple[NDArray[np.float64], str]:
-        """Return one input value per row, (R,), and a remark on how it was come by.
+        """Return the input on the rows, (R,) or (R, C), and a remark on how it was come by.
 
         Parameters
         ----------
-        u : (n,) or (n, 1)
-            One value per row, per symbol of the file, or per frame.
+        u : (n,) or (n, C)
+            One row per row of the clock, per symbol of the file, or per frame. A single column
+            comes back flat.
 
         Raises
         ------
         TaskError
-            When the length fits none of these, or when there are several columns.
+            When the length fits none of these.
         """
         values = np.asarray(u, dtype=np.float64)
         if values.ndim == 2 and values.shape[1] == 1:
             values = values[:, 0]
-        if values.ndim != 1:
+        if values.ndim not in (1, 2) or not values.size:
             raise TaskError(
                 f"the input has shape {values.shape}",
-                expected="one value per row, (n,)",
-                fix="choose one column",
+                expected="one row per row of the clock, (n,) or (n, C)",
+                fix="choose columns of the input",
                 key="u_input",
             )
         if len(values) == self.n_rows:
@@ -83,6 +84,10 @@ class RowClock:
         if self.symbols is not None and len(values) == self.n_frames:
             sampled, where = self.symbols.sample(values)
             return sampled, f"input given per frame; read at the {where}"
+        if len(values) == self.n_frames:
+            return values[
+                self.frames[:, -1]
+            ], "input given per frame; read at the frame of each row"
         raise self._wrong_length("u_input", len(values))
 
     def align_target(self, y: ArrayLike) -> tuple[NDArray[np.float64], str]:
@@ -107,6 +112,9 @@ class RowClock:
             elif self.symbols is not None and len(values) == self.n_frames:
                 values = values[self.frames[:, -1]]
                 note = "target given per frame; read at the last frame of each symbol"
+            elif len(values) == self.n_frames:
+                values = values[self.frames[:, -1]]
+                note = "target given per frame; read at the frame of each row"
             else:
                 raise self._wrong_length("y", len(values))
         if not np.isfinite(values).all():
@@ -125,6 +133,8 @@ class RowClock:
         if self.symbols is not None:
             accepted += [f"{self.symbols.n_total} (symbols)", f"{self.n_frames} (frames)"]
         else:
+            if self.n_frames != self.n_rows:
+                accepted.append(f"{self.n_frames} (frames)")
             hint += '; values per symbol need clock="symbols"'
         return TaskError(
             f"the length is {length}", expected=" or ".join(accepted), fix=hint, key=key
@@ -137,6 +147,7 @@ def row_clock(
     clock: ClockChoice = "auto",
     input_name: str | None = None,
     samples_per_symbol: int = 1,
+    frames_per_row: int = 1,
 ) -> RowClock:
     """Choose the rows of a file.
 
@@ -148,11 +159,14 @@ def row_clock(
         Input whose symbols count; by default the first that stores them.
     samples_per_symbol : int
         Frames per symbol that are put side by side as virtual nodes.
+    frames_per_row : int
+        On frames, every how many there is a row: the last of each group of so many.
 
     Raises
     ------
     TaskError
-        When the choice is unknown, or several samples per row are asked for on frames.
+        When the choice is unknown, several samples per row are asked for on frames, or frames
+        are counted on the clock of symbols.
     MissingInputError
         When symbols are asked for and the file stores none.
     NonUniformTime
@@ -165,12 +179,22 @@ def row_clock(
             fix="choose one of these",
             key="clock",
         )
+    _check_count(samples_per_symbol, "samples_per_symbol")
+    _check_count(frames_per_row, "frames_per_row")
     physical = loader.time_kind == "physical"
     unit = "s" if physical else "load steps"
     by_symbol = clock == "symbols" or (
         clock == "auto" and bool(loader.inputs) and loader.has_symbols(input_name)
     )
     if by_symbol:
+        if frames_per_row != 1:
+            raise TaskError(
+                f"frames_per_row is {frames_per_row} and the rows are symbols",
+                expected="1 on the clock of symbols",
+                fix='say clock="frames", or leave frames_per_row at 1',
+                file=loader.path,
+                key="frames_per_row",
+            )
         symbols = loader.symbols(input_name)
         frames = symbols.frames_within(samples_per_symbol)
         return RowClock(
@@ -190,12 +214,31 @@ def row_clock(
             file=loader.path,
             key="samples_per_symbol",
         )
+    frames = np.arange(frames_per_row - 1, loader.n_frames, frames_per_row)
+    if not frames.size:
+        raise TaskError(
+            f"frames_per_row is {frames_per_row} and the file has {loader.n_frames} frames",
+            expected=f"at most {loader.n_frames}",
+            fix="make a row of fewer frames",
+            file=loader.path,
+            key="frames_per_row",
+        )
     return RowClock(
         kind="frames",
-        frames=np.arange(loader.n_frames)[:, None],
-        time=loader.time,
-        step=loader.dt,
+        frames=frames[:, None],
+        time=loader.time[frames],
+        step=loader.dt * frames_per_row,
         unit=unit,
         n_frames=loader.n_frames,
         symbols=None,
     )
+
+
+def _check_count(value: int, key: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise TaskError(
+            f"{key} is {value!r}",
+            expected="a whole number, 1 or more",
+            fix="pass such a number",
+            key=key,
+        )
