@@ -91,26 +91,60 @@ def openprc_readouts() -> list[ReadoutSpec]:
 
 @hookimpl
 def openprc_tasks() -> list[TaskSpec]:
-    """Imitation tasks."""
+    """Functions of the input, tasks that bring their own, and movements that feed themselves."""
+    rows = (
+        ("narma", "NARMA system of order 2 to 10, 20 or 30", "narma:NarmaTask",
+         "Atiya & Parlos 2000, doi:10.1109/72.846741"),
+        ("delay-recall", "The input some symbols ago", "recall:DelayRecallTask",
+         "Jaeger 2002, GMD Report 152"),
+        ("parity", "Parity of consecutive binary symbols; XOR by default", "recall:ParityTask",
+         "Bertschinger & Natschlaeger 2004, doi:10.1162/089976604323057443"),
+        ("volterra", "Second-order Volterra series with a Gaussian kernel",
+         "volterra:VolterraTask", "Hauser et al. 2011, doi:10.1007/s00422-012-0471-0"),
+        ("channel-equalization", "Symbols sent through a nonlinear noisy channel",
+         "equalization:ChannelEqualizationTask",
+         "Jaeger & Haas 2004, doi:10.1126/science.1091277"),
+        ("mackey-glass", "Mackey-Glass series, 84 steps ahead", "prediction:mackey_glass_task",
+         "Mackey & Glass 1977, doi:10.1126/science.267326"),
+        ("lorenz", "First coordinate of the Lorenz system, one step ahead",
+         "prediction:lorenz_task",
+         "Lorenz 1963, doi:10.1175/1520-0469(1963)020<0130:DNF>2.0.CO;2"),
+        ("henon", "Henon map, one step ahead", "prediction:henon_task",
+         "Henon 1976, doi:10.1007/BF01608556"),
+        ("sine-square", "Whether a period is of a sine or of a square wave",
+         "waveforms:SineSquareTask", "after Paquot et al. 2012, doi:10.1038/srep00287"),
+        ("inverse-arm", "Torques of a two-link arm from the path of its tip", "arm:InverseArmTask",
+         "after Hauser et al. 2011, doi:10.1007/s00422-012-0471-0"),
+        ("van-der-pol", "Van der Pol limit cycle in closed loop", "limit_cycles:VanDerPolTask",
+         "Hauser et al. 2012, doi:10.1007/s00422-012-0516-4"),
+        ("quadratic-limit-cycle", "Quadratic limit cycle in closed loop",
+         "limit_cycles:QuadraticLimitCycleTask",
+         "Hauser et al. 2012, doi:10.1007/s00422-012-0516-4"),
+        ("lissajous", "Lissajous figure in closed loop", "limit_cycles:LissajousTask",
+         "Hauser et al. 2012, doi:10.1007/s00422-012-0516-4"),
+    )  # fmt: skip
     return [
-        TaskSpec(
-            "narma",
-            "Nonlinear autoregressive moving average of order 2, 5, 10, 20 or 30",
-            "openprc.analysis.tasks.imitation:NARMA_task",
-            citation="Atiya & Parlos 2000, doi:10.1109/72.846741",
-        ),
+        TaskSpec(name, summary, f"openprc.analysis.tasks.{load}", citation=citation)
+        for name, summary, load, citation in rows
     ]
 
 
 @hookimpl
 def openprc_benchmarks() -> list[BenchmarkSpec]:
-    """Task-level benchmarks."""
+    """Tasks, capacities and diagnosis."""
+    rows = (
+        ("narma", "Error on a NARMA task beside the errors of the input alone",
+         "narma_benchmark:NARMABenchmark"),
+        ("memory", "Memory capacity and information processing capacity",
+         "memory_benchmark:MemoryBenchmark"),
+        ("dimension", "Ranks, condition number and principal components of the states",
+         "diagnosis:DimensionBenchmark"),
+        ("input-correlation", "Which states follow the input, at which lag, and how",
+         "diagnosis:InputCorrelation"),
+    )  # fmt: skip
     return [
-        BenchmarkSpec(
-            "narma",
-            "Error on a NARMA task beside the error of a shift register",
-            "openprc.analysis.benchmarks.narma_benchmark:NARMABenchmark",
-        ),
+        BenchmarkSpec(name, summary, f"openprc.analysis.benchmarks.{load}")
+        for name, summary, load in rows
     ]
 
 

@@ -97,8 +97,8 @@ def openprc_tasks() -> Iterable[TaskSpec]:
 
     ::
 
-        return [TaskSpec(name="narma", summary="NARMA of order 2, 5, 10, 20 or 30",
-                         load="openprc.analysis.tasks.imitation:NARMA_task")]
+        return [TaskSpec(name="narma", summary="NARMA of order 2 to 10, 20 or 30",
+                         load="openprc.analysis.tasks.narma:NarmaTask")]
     """
     raise NotImplementedError
 

@@ -151,10 +151,14 @@ class Readout(Protocol):
 
 
 class Task(Protocol):
-    """Input sequence to target sequence, aligned sample by sample."""
+    """A factory of tasks, or a plain function of the input sequence.
 
-    def __call__(self, u: NDArray[np.float64], **parameters: Any) -> NDArray[np.float64]:
-        """Return the (K,) target of the (K,) input."""
+    ``load(**parameters)`` returns an `openprc.analysis.tasks.task.Task`. A function of one
+    argument ``u`` that returns the (K,) or (K, O) target of the (K,) input is taken as one.
+    """
+
+    def __call__(self, *u: NDArray[np.float64], **parameters: Any) -> Any:
+        """Return the task, or the target of `u`."""
         ...
 
 

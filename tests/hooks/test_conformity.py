@@ -7,9 +7,10 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+from openprc.analysis.tasks.registered import registered_task
+from openprc.analysis.tasks.task import Task
 from openprc.hooks import hookspecs, protocols
 from openprc.hooks.discovery import load_plugin
 from openprc.hooks.hookspecs import GROUP, RECORDS
@@ -66,7 +67,8 @@ def parameters(function):
 
 def test_there_are_plugins():
     assert [folder.name for folder in PLUGINS] == [
-        "openprc-example", "openprc-merlin", "openprc-pybullet", "openprc-pyelastica",
+        "openprc-example", "openprc-merlin", "openprc-prcpy", "openprc-pybullet",
+        "openprc-pyelastica",
     ]  # fmt: skip
 
 
@@ -82,7 +84,7 @@ def test_every_plugin_loads_and_registers_something(make_entry, folder):
 
 def test_every_producer_offers_what_it_is_capable_of(registry):
     assert {item.name for item in registry.producers} >= {
-        "demlat", "legacy", "vision", "csv", "merlin", "pybullet", "pyelastica",
+        "demlat", "legacy", "vision", "csv", "merlin", "prcpy", "pybullet", "pyelastica",
     }  # fmt: skip
     for item in registry.producers:
         for capability in item.spec.capabilities:
@@ -101,7 +103,7 @@ def test_every_sample_is_there(registry):
         if item.spec.sample:
             assert parameters(resolve(item, item.spec.sample)) == ["folder"], item.qualified_name
     brought = {item.name for item in registry.producers if item.spec.sample}
-    assert brought >= {"demlat", "vision", "csv", "merlin", "pybullet", "pyelastica"}
+    assert brought >= {"demlat", "vision", "csv", "merlin", "prcpy", "pybullet", "pyelastica"}
 
 
 @pytest.mark.parametrize("hook", METHODS)
@@ -124,11 +126,12 @@ def test_features_and_readouts_are_made_without_arguments(registry):
             registry.load(item)()
 
 
-def test_tasks_take_a_sequence_and_give_one(registry):
-    u = np.random.default_rng(0).uniform(0.0, 0.5, 100)
+def test_tasks_are_made_without_arguments(registry):
     for item in registry.records("openprc_tasks"):
-        target = np.asarray(registry.load(item)(u))
-        assert target.shape == u.shape, item.qualified_name
+        task = registered_task(item.name, registry=registry)
+        assert isinstance(task, Task), item.qualified_name
+        assert task.metadata()["formula"], item.qualified_name
+        assert task.metadata()["source"], item.qualified_name
 
 
 def test_extensions_are_checks_of_one_argument(registry):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from openprc.errors import TaskError
 
-# Without input the unstable fixed points of these systems lie between 1.2 and 4.6; a response
+# Without input the unstable fixed points of these systems lie between 0.6 and 4.6; a response
 # of twice that does not come back.
 _DIVERGED = 10.0
 _RANGE_SLACK = 1e-9
@@ -43,6 +43,20 @@ class NarmaSystem:
             f"{a:g} y(t) + {b:g} y(t) sum_(i=0..{n - 1}) y(t-i) + {c:g} u(t-{n - 1}) u(t) + {d:g}"
         )
         return f"y(t+1) = tanh[{body}]" if self.squash else f"y(t+1) = {body}"
+
+    @property
+    def escape(self) -> float:
+        """Unstable fixed point without input; infinite for the bounded form.
+
+        It is the larger root of ``m b y^2 - (1 - a) y + d = 0`` with m = 1 for order 2 and m = n
+        above. Where the input is not negative, a response that has stayed above it for n steps
+        grows from then on.
+        """
+        if self.squash:
+            return math.inf
+        terms = 1 if self.order == 2 else self.order
+        half = 0.5 * (1.0 - self.a) / (terms * self.b)
+        return half + math.sqrt(half**2 - self.d / (terms * self.b))
 
     @property
     def input_range(self) -> tuple[float, float]:
@@ -191,4 +205,14 @@ def _respond(u: NDArray[np.float64], system: NarmaSystem) -> NDArray[np.float64]
                 key="u",
             )
         y.append(value)
+    escape = system.escape
+    if len(u) >= n and min(y[-n:]) > escape and float(u.min()) >= 0.0:
+        raise TaskError(
+            f"NARMA{n} is diverging at the end of {len(u)} steps: its last {n} values are above "
+            f"{escape:.4g}",
+            expected="a response that stays bounded",
+            fix="use another input sequence, a narrower one (such as [0, 0.4]), a lower order, or "
+            "order 20, which is bounded",
+            key="u",
+        )
     return np.asarray(y[n - 1 :])
