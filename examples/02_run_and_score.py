@@ -18,8 +18,8 @@ def main(folder: Path) -> None:
     experiment = write_sample(folder).path
     run = run_experiment(experiment, folder / "simulation.h5")
     print(f"{run.n_nodes} nodes, {run.n_frames} frames")
-    score = score_file(run.path, order=2)
-    print(f"NARMA-2 NRMSE {score.nrmse:.3f}, shift register {score.baseline_nrmse:.3f}")
+    score = score_file(run.path)
+    print(f"NARMA-2 NRMSE {score.nrmse:.3f}, shift register {score.baseline:.3f}")
     print(f"skill {score.skill:.2f} with {score.n_states} states on the {score.clock} clock")
     assert score.n_test > 50
     assert 0 < score.nrmse < 1

@@ -9,13 +9,17 @@ from importlib import import_module
 from typing import Any
 
 _LAZY = {
-    "NARMABenchmark": "openprc.analysis.benchmarks.narma_benchmark",
+    "CustomBenchmark": "openprc.analysis.benchmarks.custom_benchmark",
+    "MemoryBenchmark": "openprc.analysis.benchmarks.memory_benchmark",
     "NARMA_task": "openprc.analysis.tasks.imitation",
-    "TimeSeriesComparison": "openprc.analysis.visualization.time_series",
+    "NARMABenchmark": "openprc.analysis.benchmarks.narma_benchmark",
     "score_file": "openprc.analysis.benchmarks.report",
+    "StandardSuite": "openprc.analysis.benchmarks.standard_suite",
+    "TaskBenchmark": "openprc.analysis.benchmarks.task_benchmark",
+    "TimeSeriesComparison": "openprc.analysis.visualization.time_series",
 }
 
-__all__ = ["NARMABenchmark", "NARMA_task", "TimeSeriesComparison", "score_file"]
+__all__ = sorted(_LAZY)
 
 
 def __getattr__(name: str) -> Any:

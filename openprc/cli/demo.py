@@ -36,6 +36,7 @@ class Row:
     findings: str = ""
     nrmse: float | None = None
     baseline: float | None = None
+    esn: float | None = None
     skill: float | None = None
     seconds: float | None = None
     remark: str = ""
@@ -138,6 +139,7 @@ def _signal(given: Mapping[str, Any]) -> dict[str, Any]:
 def _score(row: Row, run: ProducedRun, folder: Path, *, order: int, registry: Registry) -> None:
     # scikit-learn takes seconds to import; the help of this command need not wait for it.
     from openprc.analysis.benchmarks.report import score_file  # noqa: PLC0415
+    from openprc.analysis.tasks.narma import NarmaTask  # noqa: PLC0415
 
     report = validate_run(run.path, registry=registry)
     counts = [sum(f.level == level for f in report.findings) for level in ("error", "warning")]
@@ -150,21 +152,22 @@ def _score(row: Row, run: ProducedRun, folder: Path, *, order: int, registry: Re
         row.state, row.remark = "static", "quasi-static load steps: there is no memory to score"
         return
     try:
-        score = score_file(run.path, order=order, experiment_dir=folder)
+        score = score_file(run.path, task=NarmaTask(order), experiment_dir=folder)
     except TaskError as error:
         row.state, row.remark = "failed", error.found
         return
-    row.nrmse, row.baseline, row.skill = score.nrmse, score.baseline_nrmse, score.skill
+    row.nrmse, row.baseline, row.skill = score.nrmse, score.baseline, score.skill
+    row.esn = score.esn
     row.remark = "; ".join(score.warnings)
 
 
 def _show(rows: list[Row], order: int, seconds: float, kept: str | None) -> None:
     out = console()
     columns = ["producer", "by", "state", "nodes", "channels", "frames", "file",
-               f"NARMA{order} NRMSE", "shift register", "skill", "seconds"]  # fmt: skip
+               f"NARMA{order} NRMSE", "shift register", "ESN", "skill", "seconds"]  # fmt: skip
     body: list[list[Any]] = [
         [r.producer, r.way, r.state, r.nodes, r.channels, r.frames, r.findings, r.nrmse,
-         r.baseline, r.skill, r.seconds]
+         r.baseline, r.esn, r.skill, r.seconds]
         for r in rows
     ]  # fmt: skip
     out.print(table(columns, body, title="OpenPRC demo: one small run of every producer"))

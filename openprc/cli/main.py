@@ -22,6 +22,7 @@ from openprc.errors import OpenPRCError
 COMMANDS: dict[str, tuple[str, str]] = {
     "attach-input": ("attach_input", "Add what drove the body to a copy of a file"),
     "benchmark": ("benchmark", "Train a readout on a NARMA task and score it"),
+    "characterise": ("characterise", "Measure everything that a body can compute"),
     "demo": ("demo", "Import, run, validate and score one small body a producer"),
     "export": ("export", "Write a trajectory in another format"),
     "import": ("import_run", "Turn another program's file into simulation.h5"),

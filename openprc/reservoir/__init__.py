@@ -13,30 +13,29 @@ from typing import Any
 _LAZY = {
     "BarExtensions": "openprc.reservoir.features.bar_features",
     "BarLengths": "openprc.reservoir.features.bar_features",
+    "BarStrains": "openprc.reservoir.features.bar_features",
     "Channels": "openprc.reservoir.features.channel_features",
+    "DelayTaps": "openprc.reservoir.features.delay_taps",
+    "drive_whiteness": "openprc.reservoir.io.whiteness",
+    "EchoStateNetwork": "openprc.reservoir.networks.echo_state",
+    "ElementSeries": "openprc.reservoir.features.element_features",
+    "HingeAngles": "openprc.reservoir.features.element_features",
+    "Inputs": "openprc.reservoir.features.input_features",
     "NodeDisplacements": "openprc.reservoir.features.node_features",
     "NodePositions": "openprc.reservoir.features.node_features",
+    "NodeVelocities": "openprc.reservoir.features.node_features",
+    "PolynomialExpansion": "openprc.reservoir.features.polynomial_expansion",
     "Readout": "openprc.reservoir.readout.saved",
     "Ridge": "openprc.reservoir.readout.ridge",
+    "RLS": "openprc.reservoir.readout.rls",
     "Split": "openprc.reservoir.training.split",
+    "Stacked": "openprc.reservoir.features.base",
     "StateLoader": "openprc.reservoir.io.state_loader",
     "SymbolClock": "openprc.reservoir.io.symbol_clock",
     "Trainer": "openprc.reservoir.training.trainer",
 }
 
-__all__ = [
-    "BarExtensions",
-    "BarLengths",
-    "Channels",
-    "NodeDisplacements",
-    "NodePositions",
-    "Readout",
-    "Ridge",
-    "Split",
-    "StateLoader",
-    "SymbolClock",
-    "Trainer",
-]
+__all__ = sorted(_LAZY)
 
 
 def __getattr__(name: str) -> Any:

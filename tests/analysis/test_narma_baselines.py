@@ -6,12 +6,11 @@ from openprc.analysis.benchmarks.baseline import (
     baseline_readout,
     input_cubic,
     shift_register,
-    tap_count,
 )
 from openprc.analysis.tasks.imitation import NARMA_task
 from openprc.reservoir.readout.ridge import Ridge
 from openprc.reservoir.training.evaluation import evaluate
-from openprc.reservoir.training.split import Split
+from openprc.reservoir.training.row_split import RowSplit
 
 #: NRMSE of a linear shift register in the limit of infinite data, by number of taps.
 LIMITS = {
@@ -27,7 +26,7 @@ N_SYMBOLS, N_SEEDS = 20_000, 4
 @pytest.mark.parametrize("order", LIMITS)
 def test_shift_register_limits(order):
     """Mean over four sequences: one alone is off by up to 0.026 for order 10."""
-    split = Split(washout=200, train=12_000, test=7_000)
+    split = RowSplit(washout=200, train=12_000, test=7_000)
     found = {taps: [] for taps in LIMITS[order]}
     for seed in range(N_SEEDS):
         u = np.random.default_rng(seed).uniform(0.0, 0.5, N_SYMBOLS)
@@ -50,9 +49,11 @@ def test_cubic_of_the_present_input():
     np.testing.assert_array_equal(input_cubic(np.array([2.0, -1.0])), [[2, 4, 8], [-1, 1, -1]])
 
 
-@pytest.mark.parametrize(("order", "taps"), [(2, 10), (5, 25), (10, 50), (20, 50), (30, 50)])
-def test_tap_count(order, taps):
-    assert tap_count(order) == taps
+def test_taps_of_several_inputs():
+    u = np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]])
+    np.testing.assert_array_equal(
+        shift_register(u, 2), [[1, 10, 0, 0], [2, 20, 1, 10], [3, 30, 2, 20]]
+    )
 
 
 def test_the_baseline_has_the_penalty_of_the_readout():

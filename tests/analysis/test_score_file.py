@@ -3,11 +3,14 @@ from pathlib import Path
 
 import pytest
 
-from openprc.analysis.benchmarks.report import default_features, score_file
+from openprc.analysis.benchmarks.choices import Choices, default_features
+from openprc.analysis.benchmarks.report import score_file
+from openprc.analysis.tasks.narma import NarmaTask
 from openprc.errors import MissingData, MissingInputError, TaskError
 from openprc.reservoir.features.channel_features import Channels
 from openprc.reservoir.features.node_features import NodeDisplacements
 from openprc.reservoir.io.state_loader import StateLoader
+from openprc.reservoir.training.split import Split
 from openprc.schema import Provenance, TrajectoryWriter, results
 from openprc.schema.legacy import LegacyImporter
 
@@ -22,7 +25,7 @@ def test_report_of_a_body_with_memory(make_run):
     assert (report.n_states, report.n_train, report.n_test) == (20, 360, 180)
     assert report.nrmse < 0.3
     assert report.nmse == pytest.approx(report.nrmse**2)
-    assert report.skill == pytest.approx(1 - report.nrmse / report.baseline_nrmse)
+    assert report.skill == pytest.approx(1 - report.nrmse / report.baseline)
     assert report.skill > 0.2
     assert report.warnings == ()
     assert (report.readout_path, report.metrics_path) == (None, None)
@@ -32,9 +35,9 @@ def test_report_of_a_body_with_memory(make_run):
 
 
 def test_report_is_json(make_run, tmp_path):
-    report = score_file(make_run(), order=5, experiment_dir=tmp_path / "experiment")
+    report = score_file(make_run(), task=NarmaTask(5), experiment_dir=tmp_path / "experiment")
     values = json.loads(json.dumps(report.as_dict()))
-    assert values["order"] == 5
+    assert values["task"] == "narma5"
     assert values["nrmse"] == report.nrmse
     assert values["metrics_path"].endswith("metrics.h5")
     stored = results.read_result(report.metrics_path)
@@ -67,18 +70,17 @@ def test_other_choices(make_run):
     path = make_run(channels=True)
     report = score_file(
         path,
-        features=Channels(),
-        input_name="base",
-        input_column="z",
-        washout=1.0,
-        test_duration=4.0,
-        samples_per_symbol=2,
+        Choices(
+            features=Channels(),
+            input_column="z",
+            split=Split(washout=1.0, test=4.0, input_name="base", samples_per_symbol=2),
+        ),
     )
     assert (report.n_states, report.n_train, report.n_test) == (40, 475, 100)
-    shorter = score_file(path, washout=1.0, train_duration=10.0, test_duration=2.0)
+    shorter = score_file(path, Choices(split=Split(washout=1.0, train=10.0, test=2.0)))
     assert (shorter.n_train, shorter.n_test) == (250, 50)
     assert "only 50 test rows: the error is uncertain" in shorter.warnings
-    assert score_file(path, train_duration=10.0).n_test == 600 - 60 - 250
+    assert score_file(path, Choices(split=Split(train=10.0))).n_test == 600 - 60 - 250
 
 
 def test_frames_without_symbols(make_run):
@@ -96,16 +98,26 @@ def test_frames_without_symbols(make_run):
         ({"sequence": False, "constant_input": True}, {}, TaskError, "input 'base' does not vary"),
         ({}, {"input_column": "x"}, TaskError, "column 'x' of input 'base' does not vary"),
         ({}, {"input_column": "y"}, MissingInputError, "no column 'y'"),
-        ({}, {"input_name": "top"}, MissingInputError, "there is no input 'top'"),
-        ({"sequence": False}, {"clock": "symbols"}, MissingInputError, "no input stores the sym"),
-        ({"n_symbols": 3}, {}, TaskError, "washout span|train span|test span|target is constant"),
-        ({}, {"washout": 100.0}, TaskError, "train span is 0 rows|there are 24 s of states"),
+        ({}, {"split": Split(input_name="top")}, MissingInputError, "there is no input 'top'"),
+        (
+            {"sequence": False},
+            {"split": Split(clock="symbols")},
+            MissingInputError,
+            "no input stores the sym",
+        ),
+        ({"n_symbols": 3}, {}, TaskError, "rows of training or test have no target"),
+        (
+            {},
+            {"split": Split(washout=100.0)},
+            TaskError,
+            "train span is 0 rows|there are 24 s of states",
+        ),
     ],
 )
 def test_files_that_cannot_be_scored(make_run, run, keywords, error, words):
     path = make_run(**run)
     with pytest.raises(error, match=words):
-        score_file(path, **keywords)
+        score_file(path, Choices(**keywords))
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="recorded upstream runs are not at hand")
@@ -119,7 +131,7 @@ def test_recorded_lattice(tmp_path):
     assert (report.clock, report.row_step) == ("frames", 0.01)
     assert (report.n_states, report.n_train, report.n_test) == (48, 1801, 900)
     assert report.nrmse == pytest.approx(0.1235, abs=2e-3)
-    assert report.baseline_nrmse == pytest.approx(0.4015, abs=2e-3)
+    assert report.baseline == pytest.approx(0.4015, abs=2e-3)
     assert any("drive autocorrelation 0.929" in w for w in report.warnings)
     assert any("states follow the input: node0.x" in w for w in report.warnings)
 
@@ -131,8 +143,8 @@ def test_recorded_laboratory_run_needs_no_memory(tmp_path):
     with TrajectoryWriter(path, provenance=Provenance("legacy"), on_failure="discard") as writer:
         LegacyImporter().import_run(DATA / "lab" / "experiment.h5", writer, options={"unit": None})
     report = score_file(path)
-    assert report.cubic_nrmse == pytest.approx(0.185, abs=2e-3)
-    assert report.cubic_nrmse < report.nrmse < report.baseline_nrmse
+    assert report.cubic == pytest.approx(0.185, abs=2e-3)
+    assert report.cubic < report.nrmse < report.baseline
     assert any("the task needs no memory" in w for w in report.warnings)
     with pytest.raises(TaskError, match="NARMA10 diverged"):
-        score_file(path, order=10)
+        score_file(path, task=NarmaTask(10))

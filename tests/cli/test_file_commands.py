@@ -255,12 +255,12 @@ def test_benchmark_prints_a_score_and_writes_nothing(openprc, make_file, tmp_pat
     path = make_file(n_frames=400, inputs=True)
     outcome = openprc("benchmark", path)
     assert outcome.code == 0
-    for words in ("NARMA2", "shift register", "input drive/u", "normalised"):
+    for words in ("narma2", "shift register", "ESN", "input drive/u", "standard deviation"):
         assert words in outcome.text
     data = openprc("benchmark", path, "--json").data
-    assert (data["order"], data["input_name"], data["clock"]) == (2, "drive", "symbols")
+    assert (data["task"], data["input_name"], data["clock"]) == ("narma2", "drive", "symbols")
     assert 0 < data["nrmse"] < 2
-    assert data["skill"] == pytest.approx(1 - data["nrmse"] / data["baseline_nrmse"])
+    assert data["skill"] == pytest.approx(1 - data["nrmse"] / data["baseline"])
     assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openprc import __version__
@@ -119,6 +120,9 @@ class Benchmark(ABC):
 
     #: Whether the measurement is about memory, and so needs physical time.
     needs_dynamics = True
+    #: Whether the input is used at all, and may have several columns.
+    needs_input = True
+    multi_input = False
 
     def __init__(self, group_name: str) -> None:
         if not group_name or "/" in group_name or group_name.startswith("."):
@@ -130,13 +134,13 @@ class Benchmark(ABC):
             )
         self.group_name = group_name
 
-    def run(self, trainer: Trainer, u_input: ArrayLike, **parameters: Any) -> Score:
+    def run(self, trainer: Trainer, u_input: ArrayLike | None = None, **parameters: Any) -> Score:
         """Measure and return the score; nothing is written before `Score.save`.
 
         Parameters
         ----------
-        u_input : (n,)
-            One value per row of the trainer's clock, or per frame. On a clock of symbols an
+        u_input : (n,), or (n, C) where several columns make sense
+            One row per row of the trainer's clock, or per frame. On a clock of symbols an
             input given per frame is read once per symbol, and the metadata say so.
 
         Raises
@@ -146,12 +150,31 @@ class Benchmark(ABC):
         """
         if self.needs_dynamics:
             trainer.loader.require_physical_time(self.group_name)
-        u, note = trainer.align_input(u_input)
+        u, note = self._input(trainer, u_input)
+        if u.ndim > 1 and not self.multi_input:
+            raise TaskError(
+                f"the input has shape {u.shape}",
+                expected="one value per row, (n,)",
+                fix="choose one column",
+                key="u_input",
+            )
         evaluated = self._evaluate(trainer, u, **parameters)
         metadata = {"clock": trainer.rows.kind, **evaluated.metadata}
         if note:
             metadata["input_note"] = note
         return Score(self.group_name, evaluated.metrics, metadata, evaluated.trained, trainer)
+
+    def _input(self, trainer: Trainer, u_input: ArrayLike | None) -> tuple[NDArray[Any], str]:
+        if not self.needs_input:
+            return np.empty(0), ""
+        if u_input is None:
+            raise TaskError(
+                f"{self.group_name}: no input was given",
+                expected="what drove the body, one row per row of the clock",
+                fix="pass trainer.loader.get_actuation_signal(0, dof)",
+                key="u_input",
+            )
+        return trainer.align_input(u_input)
 
     @abstractmethod
     def _evaluate(self, trainer: Trainer, u: NDArray[Any], **parameters: Any) -> Evaluated:

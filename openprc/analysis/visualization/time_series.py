@@ -2,39 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from openprc.errors import MissingDependency, TaskError
+from openprc.analysis.visualization.figure import Plot, new_figure
+from openprc.errors import TaskError
 from openprc.schema import results
-from openprc.schema.atomic import atomic_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from openprc.reservoir.training.result import TrainingResult
 
-@dataclass(frozen=True)
-class Plot:
-    """A finished figure and where it goes by default."""
 
-    figure: Figure
-    default_path: Path
+def plot_prediction(
+    trained: TrainingResult, *, start_row: int = 0, end_row: int | None = None, output: int = 0
+) -> Plot:
+    """Draw target and prediction of a training that need not be saved, over its test rows.
 
-    def save(self, path: str | Path | None = None, *, dpi: int = 150) -> Path:
-        """Write the figure in one step, replacing an earlier one, and return its path.
+    Parameters
+    ----------
+    trained : TrainingResult
+    start_row, end_row : int
+        Rows within the test span, the second one excluded.
+    output : int
+        Column of the target.
 
-        Parameters
-        ----------
-        path : path-like, optional
-            By default beside the readout. The ending chooses the format.
-        """
-        target = self.default_path if path is None else Path(path)
-        with atomic_file(target, overwrite=True) as temporary:
-            self.figure.savefig(temporary, dpi=dpi, format=target.suffix.lstrip(".") or "png")
-        return target
+    Raises
+    ------
+    MissingDependency
+        When matplotlib is not installed.
+    """
+    evaluation = trained.evaluation
+    rows = evaluation.test_rows[start_row:end_row]
+    figure = _draw(
+        trained.clock.time[rows],
+        trained.target[rows, output],
+        evaluation.prediction[start_row:end_row, output],
+        title=f"{trained.task_name}, validation: NRMSE {trained.nrmse:.3g}",
+        x_label="time [s]" if trained.clock.unit == "s" else "load step",
+    )
+    return Plot(figure, Path(f"{trained.task_name}_validation.png"))
 
 
 class TimeSeriesComparison:
@@ -115,20 +125,7 @@ class TimeSeriesComparison:
 def _draw(
     time: np.ndarray, target: np.ndarray, prediction: np.ndarray, *, title: str, x_label: str
 ) -> Figure:
-    try:
-        # The object interface with its own canvas: no window system, no global state.
-        from matplotlib.backends.backend_agg import (
-            FigureCanvasAgg,
-        )
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingDependency(
-            "matplotlib is not installed",
-            expected="matplotlib, which draws the plots",
-            fix="pip install matplotlib",
-        ) from error
-    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure((8.0, 3.2))
     axes = figure.add_subplot()
     axes.plot(time, target, color="0.2", linewidth=1.4, label="target")
     axes.plot(time, prediction, color="tab:red", linewidth=1.0, linestyle="--", label="prediction")

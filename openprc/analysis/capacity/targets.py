@@ -1,0 +1,123 @@
+"""Targets in chunks: the matrix of all targets is never held at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from openprc.analysis.capacity.terms import Terms
+
+#: Targets a chunk, and samples a block: 256 x 8192 numbers stay near the processor, and a
+#: matrix product of that size runs at full speed.
+CHUNK_TERMS = 256
+BLOCK_ROWS = 8192
+
+
+@dataclass(frozen=True)
+class RowSpan:
+    """Consecutive rows, of which some may be unusable.
+
+    Parameters
+    ----------
+    start, stop : int
+    usable : (stop - start,) bool or None
+        None when all are.
+    """
+
+    start: int
+    stop: int
+    usable: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def of(cls, rows: NDArray[np.intp]) -> RowSpan:
+        """Return the span that holds the given rows (increasing)."""
+        start, stop = int(rows[0]), int(rows[-1]) + 1
+        if stop - start == len(rows):
+            return cls(start, stop)
+        usable = np.zeros(stop - start, dtype=bool)
+        usable[rows - start] = True
+        return cls(start, stop, usable)
+
+    @property
+    def n_usable(self) -> int:
+        """Rows that count."""
+        return self.stop - self.start if self.usable is None else int(self.usable.sum())
+
+    def blocks(self, length: int = BLOCK_ROWS) -> Iterator[RowSpan]:
+        """Yield the span in pieces."""
+        for start in range(self.start, self.stop, length):
+            stop = min(start + length, self.stop)
+            part = slice(start - self.start, stop - self.start)
+            yield RowSpan(start, stop, None if self.usable is None else self.usable[part])
+
+
+class TargetRows:
+    """Rows of targets, computed where they are needed.
+
+    Parameters
+    ----------
+    terms : Terms
+    tables : sequence of (M, T)
+        Polynomials of each input column; see `polynomial_rows`.
+    dtype : dtype
+    """
+
+    def __init__(
+        self,
+        terms: Terms,
+        tables: Sequence[NDArray[np.float64]],
+        *,
+        dtype: DTypeLike = np.float64,
+    ) -> None:
+        self.terms = terms
+        self.dtype = np.dtype(dtype)
+        self._tables = [np.ascontiguousarray(table, dtype=self.dtype) for table in tables]
+
+    def __len__(self) -> int:
+        return len(self.terms)
+
+    def buffer(self, span: RowSpan, *, n_terms: int | None = None) -> NDArray[np.floating]:
+        """Return room for one chunk of targets over one block of rows."""
+        wanted = min(CHUNK_TERMS, len(self)) if n_terms is None else n_terms
+        return np.empty((wanted, min(BLOCK_ROWS, span.stop - span.start)), dtype=self.dtype)
+
+    def fill(self, chunk: range, span: RowSpan, out: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Write the targets of `chunk` at the rows of `span` into `out`, and return that part.
+
+        Unusable rows are zero, so that they add nothing to any sum.
+        """
+        part = out[: len(chunk), : span.stop - span.start]
+        degrees, delays, inputs = (
+            table[chunk.start : chunk.stop].tolist()
+            for table in (self.terms.degrees, self.terms.delays, self.terms.inputs)
+        )
+        for row, degree, delay, column in zip(part, degrees, delays, inputs, strict=True):
+            factors = [
+                self._tables[c][d - 1, span.start - lag : span.stop - lag]
+                for d, lag, c in zip(degree, delay, column, strict=True)
+                if d
+            ]
+            if len(factors) == 1:
+                row[:] = factors[0]
+                continue
+            np.multiply(factors[0], factors[1], out=row)
+            for factor in factors[2:]:
+                row *= factor
+        if span.usable is not None:
+            part *= span.usable
+        return part
+
+    def whole(self, span: RowSpan) -> NDArray[np.floating]:
+        """Return all targets at the usable rows, (K, n): for few targets only."""
+        out = np.empty((len(self), span.stop - span.start), dtype=self.dtype)
+        self.fill(range(len(self)), span, out)
+        return out if span.usable is None else out[:, span.usable]
+
+
+def chunks(n_terms: int, size: int = CHUNK_TERMS) -> Iterator[range]:
+    """Yield consecutive ranges of targets."""
+    for first in range(0, n_terms, size):
+        yield range(first, min(first + size, n_terms))
