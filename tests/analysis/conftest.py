@@ -5,6 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from openprc.reservoir.features.node_features import NodePositions
+from openprc.reservoir.io.state_loader import StateLoader
+from openprc.reservoir.readout.ridge import Ridge
+from openprc.reservoir.training.split import Split
+from openprc.reservoir.training.trainer import Trainer
 from openprc.schema import Provenance, TrajectoryWriter
 
 HOLD_FRAMES = 4
@@ -32,6 +37,25 @@ def symbols():
     return np.random.default_rng(21).uniform(-1.0, 1.0, N_SYMBOLS)
 
 
+@pytest.fixture(scope="session")
+def echo_run(tmp_path_factory, symbols):
+    """Return the path of a file whose 20 channels are the states of the network."""
+    path = tmp_path_factory.mktemp("echo") / "simulation.h5"
+    states = np.repeat(echo_network(symbols, 20), HOLD_FRAMES, axis=0)
+    with TrajectoryWriter(path, provenance=Provenance("test")) as writer:
+        writer.declare_channel("state", [f"s{k}" for k in range(20)], unit="1")
+        writer.declare_input(
+            "drive", ["u"], quantity="voltage", unit="V", sequence=symbols[:, None],
+            hold=HOLD_FRAMES * DT,
+        )  # fmt: skip
+        writer.append(
+            np.arange(len(states)) * DT,
+            channels={"state": states},
+            inputs={"drive": np.repeat(symbols, HOLD_FRAMES)[:, None]},
+        )
+    return path
+
+
 @pytest.fixture
 def make_run(tmp_path, symbols):
     """Return a function that writes a run and returns its path.
@@ -50,9 +74,10 @@ def make_run(tmp_path, symbols):
         constant_input=False,
         time_kind="physical",
         n_symbols=N_SYMBOLS,
+        drive=None,
         name="simulation.h5",
     ):
-        used = symbols[:n_symbols]
+        used = (symbols if drive is None else np.asarray(drive))[:n_symbols]
         n_frames = len(used) * HOLD_FRAMES
         states = np.repeat(echo_network(used, 20), HOLD_FRAMES, axis=0)
         held = np.repeat(used, HOLD_FRAMES)
@@ -90,3 +115,24 @@ def make_run(tmp_path, symbols):
         return path
 
     return make
+
+
+@pytest.fixture
+def loaded(make_run):
+    """Return a function that gives a trainer on a run and its input per frame, unscaled."""
+    opened = []
+
+    def make(*, readout=None, split=None, **keywords):
+        loader = StateLoader(make_run(**keywords))
+        opened.append(loader)
+        trainer = Trainer(
+            NodePositions(dims=[2]),
+            readout or Ridge(1e-6),
+            loader=loader,
+            split=split or Split(washout=2.0, train=14.0, test=8.0),
+        )
+        return trainer, loader.get_actuation_signal(actuator_idx=0, dof=2)
+
+    yield make
+    for loader in opened:
+        loader.close()

@@ -57,7 +57,11 @@ def baseline_readout(readout: Any) -> Ridge:
 
 
 def evaluate_baseline(
-    trainer: Trainer, states: NDArray[np.float64], target: NDArray[np.float64]
+    trainer: Trainer,
+    states: NDArray[np.float64],
+    target: NDArray[np.float64],
+    *,
+    usable: NDArray[np.bool_] | None = None,
 ) -> Evaluation:
     """Fit and score `states` on the very rows that `trainer` uses.
 
@@ -65,13 +69,16 @@ def evaluate_baseline(
     ----------
     states : (R, F)
     target : (R,) or (R, O)
+    usable : (R,) bool, optional
+        Rows whose target is defined.
     """
+    measured = trainer.states.usable
     return evaluate(
         baseline_readout(trainer.readout),
         states,
         target.reshape(len(states), -1),
         split=trainer.split,
-        usable=trainer.states.usable,
+        usable=measured if usable is None else measured & usable,
     )
 
 
@@ -175,6 +182,7 @@ def compute_baselines(
     u: NDArray[np.float64],
     target: NDArray[np.float64],
     *,
+    usable: NDArray[np.bool_] | None = None,
     n_networks: int = NETWORK_SEEDS,
 ) -> Baselines:
     """Score shift register, raw input, cubic and echo state networks on a target.
@@ -184,9 +192,15 @@ def compute_baselines(
     u : (R,) or (R, C)
         The input on the rows of the trainer.
     target : (R,) or (R, O)
+    usable : (R,) bool, optional
+        Rows whose target is defined.
     n_networks : int
         Seeds of the echo state network; 0 leaves it out.
     """
+
+    def score(candidate: NDArray[np.float64]) -> Evaluation:
+        return evaluate_baseline(trainer, candidate, target, usable=usable)
+
     states = trainer.states
     train, _ = trainer.split.masks(states.usable)
     n_states = max(int(np.count_nonzero(~is_constant(states.values[train]))), 1)
@@ -207,13 +221,10 @@ def compute_baselines(
         )
         n_nodes = _LARGEST_NETWORK
     return Baselines(
-        shift_register=evaluate_baseline(trainer, shift_register(u, n_taps), target),
-        raw_input=evaluate_baseline(trainer, u.reshape(len(u), -1), target),
-        cubic=evaluate_baseline(trainer, input_cubic(u), target),
-        networks=tuple(
-            evaluate_baseline(trainer, _network_states(n_nodes, u, seed), target)
-            for seed in range(n_networks)
-        ),
+        shift_register=score(shift_register(u, n_taps)),
+        raw_input=score(u.reshape(len(u), -1)),
+        cubic=score(input_cubic(u)),
+        networks=tuple(score(_network_states(n_nodes, u, seed)) for seed in range(n_networks)),
         n_taps=n_taps,
         n_nodes=n_nodes,
         remarks=tuple(remarks),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -77,8 +78,7 @@ class TaskBenchmark(Benchmark):
         Raises
         ------
         TaskError
-            When the task is not defined on this input, was driven by another one, or leaves a
-            row of training or test without a target.
+            When the task is not defined on this input, or the body was driven by another one.
         """
         return super().run(trainer, u_input, data=data, n_networks=n_networks)
 
@@ -109,10 +109,10 @@ def evaluate_task(
         On the rows of the trainer.
     """
     series = _target(task, trainer, u, data)
-    train, test = trainer.split.masks(trainer.states.usable)
-    target = series.for_rows(np.concatenate([train, test]))
-    trained = trainer.train(target, task_name=task.name)
-    baselines = compute_baselines(trainer, u, target, n_networks=n_networks)
+    usable = series.usable
+    target = series.for_rows(usable)
+    trained = trainer.train(target, task_name=task.name, usable=usable)
+    baselines = compute_baselines(trainer, u, target, usable=usable, n_networks=n_networks)
 
     def figure(evaluation: Evaluation) -> float:
         truth = target[evaluation.test_rows]
@@ -143,12 +143,25 @@ def evaluate_task(
         "readout": repr(trainer.readout),
         **baselines.metadata(trainer.readout),
     }
-    warnings = [*trained.warnings, *baselines.task_remarks(trained.nrmse)]
+    warnings = [
+        *trained.warnings,
+        *_rows_remark(trainer, usable),
+        *baselines.task_remarks(trained.nrmse),
+    ]
     if u.ndim == 1:
         warnings += copy_remark(trainer, u)
     if warnings:
         metadata["warnings"] = warnings
     return Evaluated(metrics, metadata, (trained,))
+
+
+def _rows_remark(trainer: Trainer, usable: NDArray[np.bool_]) -> Iterator[str]:
+    split = trainer.split
+    used = np.zeros(len(usable), dtype=bool)
+    used[split.train_rows] = used[split.test_rows] = True
+    missing = int(np.count_nonzero(used & ~usable))
+    if missing:
+        yield f"{missing} rows of training or test have no target and were left out"
 
 
 def _target(
