@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from openprc.analysis.capacity.in_sample import Sums
-from openprc.analysis.capacity.state_basis import ScaledStates, scale_states
+from openprc.analysis.capacity.state_basis import ScaledStates, cholesky, scale_states
 from openprc.analysis.capacity.targets import RowSpan, TargetRows, chunks
 from openprc.analysis.capacity.thresholds import check_alpha
 from openprc.errors import TaskError
@@ -17,6 +17,10 @@ HELD_OUT_DEFINITION = (
     "1 - sum((z - prediction)^2) / sum((z - mean(z))^2) on the test rows; ridge with a free "
     "intercept on standardised states, penalty = ridge * number of training rows"
 )
+
+
+#: Reciprocal condition number above which Cholesky factors are trusted.
+_SAFE_RCOND = 1e-9
 
 
 @dataclass(frozen=True)
@@ -97,29 +101,34 @@ def held_out_readout(
 def _inverse(
     scaled: ScaledStates, *, ridge: float, n_rows: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return W (N, r) and V (r, N), and what the penalty leaves of each of r directions.
+    """Return W (N, r) and V (r, N), and what the penalty leaves, ``V X^T X V^T`` (r, r).
 
     The columns have unit norm, so a penalty of `ridge` times the variance of a state, added up
-    over the rows, is `ridge` itself. V whitens the training states: ``V X^T X V^T`` is the
-    diagonal of what is left.
+    over the rows, is `ridge` itself.
     """
-    from scipy.linalg import eigh, qr, svd
+    from scipy.linalg import eigh, lapack, qr, svd
 
     n_states = scaled.values.shape[1]
     eps = float(np.finfo(np.float64).eps)
-    power, vectors = eigh(scaled.values.T @ scaled.values, check_finite=False)
+    gram = scaled.values.T @ scaled.values
+    if cholesky(gram)[1] > _SAFE_RCOND:
+        # Of full rank beyond doubt: a triangular factor is as good, and costs far less.
+        factor, _ = cholesky(gram + ridge * np.eye(n_states))
+        right = np.ascontiguousarray(lapack.dtrtri(factor, lower=1)[0])
+        return right.T, right, np.eye(n_states) - ridge * (right @ right.T)
+    power, vectors = eigh(gram, check_finite=False)
     # A Gram matrix has lost half of the digits. Where the small directions count, because no
     # penalty covers them, they are taken from the states themselves.
-    if power[0] > 1e-6 * power[-1] or ridge >= 1e-9:
+    if ridge >= 1e-9:
         seen = power > 4 * n_states * eps * power[-1]
         power, vectors = power[seen], vectors[:, seen]
     else:
         triangle = qr(scaled.values, mode="r", check_finite=False)[0][:n_states]
-        _, sizes, right = svd(triangle, full_matrices=False, check_finite=False)
+        _, sizes, across = svd(triangle, full_matrices=False, check_finite=False)
         seen = sizes > max(n_rows, n_states) * eps * sizes[0]
-        power, vectors = sizes[seen] ** 2, right[seen].T
+        power, vectors = sizes[seen] ** 2, across[seen].T
     half = vectors / np.sqrt(power + ridge)
-    return half, np.ascontiguousarray(half.T), power / (power + ridge)
+    return half, np.ascontiguousarray(half.T), np.diag(power / (power + ridge))
 
 
 def held_out_capacities(
@@ -163,13 +172,13 @@ def held_out_threshold(
 
     The coordinates of a white target on the training rows are standard normal, so its
     predictions p on the test rows have ``|p|^2 = sum lambda_i chi^2_1``, lambda being the
-    eigenvalues of ``S V G V^T S`` for the centred test Gram matrix G and what the penalty
-    leaves, S^2. A scaled chi-square of the same mean and variance stands in for it
-    (Satterthwaite 1946, doi:10.2307/3002019). The target on the test rows is white and
-    independent of p, so with ``q = |p| / |z|``, which then follows an F distribution, and c the
-    cosine between p and z, ``c^2 ~ Beta(1/2, (m - 2)/2)`` for m rows, the capacity is
-    ``2 q c - q^2 - d^2``, where d is the offset of the prediction, from the means of z over n
-    training and m test rows and of p. Its mean is negative.
+    eigenvalues of ``V X^T X V^T V G V^T`` for the centred Gram matrix G of the test rows. A
+    scaled chi-square of the same mean and variance stands in for it (Satterthwaite 1946,
+    doi:10.2307/3002019). The target on the test rows is white and independent of p, so with
+    ``q = |p| / |z|``, which then follows an F distribution, and c the cosine between p and z,
+    ``c^2 ~ Beta(1/2, (m - 2)/2)`` for m rows, the capacity is ``2 q c - q^2 - d^2``, where d is
+    the offset of the prediction, from the means of z over n training and m test rows and of p.
+    Its mean is negative.
 
     Raises
     ------
@@ -182,14 +191,12 @@ def held_out_threshold(
     check_alpha(probability)
     _, right = readout.inverse
     total = right @ readout.test_total
-    size = right @ readout.test_gram @ right.T - np.outer(total, total) / n_test
-    scale = np.sqrt(readout.shrunk)
-    size *= scale[:, None] * scale
-    mean, spread = float(np.trace(size)), float(np.einsum("ij,ij->", size, size))
+    size = readout.shrunk @ (right @ readout.test_gram @ right.T - np.outer(total, total) / n_test)
+    mean, spread = float(np.trace(size)), float(np.einsum("ij,ji->", size, size))
     middle = (np.arange(_SIZES) + 0.5) / _SIZES
     power = mean / (n_test - 1) * fdtri(mean**2 / spread, n_test - 1, middle)
     # The mean of z differs between the two spans, and p has a mean of its own.
-    share = 1.0 + n_test / n_train + float(readout.shrunk @ total**2) / n_test
+    share = 1.0 + n_test / n_train + float(total @ readout.shrunk @ total) / n_test
     middle = (np.arange(_OFFSETS) + 0.5) / _OFFSETS
     offset = share / (n_test - 1) * chdtri(1.0, middle)
     loss = (power[:, None] + offset).ravel()

@@ -42,7 +42,7 @@ class Sums:
             rows = targets.fill(chunk, block, buffer)
             sums.products += rows @ matrix[block.start - span.start : block.stop - span.start]
             sums.total += rows @ np.ones(rows.shape[1], dtype=rows.dtype)
-            sums.power += np.einsum("kt,kt->k", rows, rows)
+            sums.power += np.vecdot(rows, rows)
         return sums
 
     def variance(self, n_rows: int) -> NDArray[np.float64]:

@@ -19,9 +19,12 @@ RANK_RULE = (
 
 #: Least reciprocal condition number (of the Gram matrix, 1-norm) down to which a Cholesky
 #: factor is as good as an orthogonal factorisation, for each precision of the products.
-_SAFE_RCOND = {"float64": 1e-6, "float32": 1e-2}
+_SAFE_RCOND = {"float64": 1e-9, "float32": 5e-7}
+#: And down to which two of them are, the second of the states whitened by the first. Rows of
+#: this condition have no singular value that could be taken for rounding.
+_TWICE_RCOND = 1e-13
 #: Rounding below which no direction that Cholesky admits can be a copy.
-_LITTLE_ROUNDING = 1e-5
+_LITTLE_ROUNDING = 1e-8
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ class StateBasis:
     matrix : (n, N)
     rank : int
         r.
-    method : {"cholesky", "qr"}
+    method : {"cholesky", "cholesky twice", "qr"}
     rcond : float
         Reciprocal condition number of the Gram matrix, estimated in the 1-norm.
     """
@@ -135,7 +138,7 @@ class StateBasis:
     def coordinates(self, products: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return ``Q^T z`` (r, k) from ``z @ matrix`` (k, N)."""
         wide = np.asarray(products, dtype=np.float64).T
-        if self.method == "cholesky":
+        if self.method != "qr":
             from scipy.linalg import solve_triangular
 
             return solve_triangular(self._small, wide, lower=True, check_finite=False)
@@ -155,8 +158,9 @@ def state_basis(
 ) -> StateBasis:
     """Return the basis of scaled states.
 
-    A Cholesky factor of the Gram matrix where it is well conditioned; else a QR factorisation
-    and the singular values of its small factor, which also tell the rank.
+    A Cholesky factor of the Gram matrix where it is well conditioned; the same again, of the
+    whitened states, where it is badly conditioned; else a QR factorisation and the singular
+    values of its small factor, which also tell the rank.
 
     Parameters
     ----------
@@ -173,20 +177,25 @@ def state_basis(
     TaskError
         When there are not more rows than independent states.
     """
-    from scipy.linalg import lapack, qr, svd
+    from scipy.linalg import blas, qr, svd
 
     values = scaled.values
     n_states = values.shape[1]
     dtype = np.dtype(dtype)
-    matrix = values.astype(dtype, copy=False)
     rcond = 0.0
     if n_states < n_rows - 1 and rank_tolerance is None and scaled.rounding < _LITTLE_ROUNDING:
-        gram = np.asarray(matrix.T @ matrix, dtype=np.float64)
-        factor, failed = lapack.dpotrf(gram, lower=1, clean=1)
-        if not failed:
-            rcond = float(lapack.dpocon(factor, np.abs(gram).sum(axis=0).max(), uplo="L")[0])
+        matrix = values.astype(dtype, copy=False)
+        factor, rcond = cholesky(gram_of(matrix))
         if rcond > _SAFE_RCOND[dtype.name]:
             return StateBasis(matrix, n_states, "cholesky", rcond, factor)
+        if dtype != values.dtype:
+            factor, rcond = cholesky(gram_of(values))
+        if rcond > _TWICE_RCOND:
+            # Cholesky QR 2 (Yamamoto et al. 2015, Electron. Trans. Numer. Anal. 44, 306).
+            white = blas.dtrsm(1.0, factor, values.T, lower=1).T
+            factor, _ = cholesky(gram_of(white))
+            matrix = white.astype(dtype, copy=False)
+            return StateBasis(matrix, n_states, "cholesky twice", rcond, factor)
     orthogonal, triangle = qr(values, mode="economic", check_finite=False)
     left, sizes, _ = svd(triangle, full_matrices=False, check_finite=False)
     limit = float(sizes[0]) * max(n_rows, n_states) * float(np.finfo(np.float64).eps)
@@ -203,6 +212,22 @@ def state_basis(
         rcond,
         np.ascontiguousarray(left[:, :rank]),
     )
+
+
+def gram_of(matrix: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the Gram matrix of the columns, (N, N), in double precision."""
+    return np.asarray(matrix.T @ matrix, dtype=np.float64)
+
+
+def cholesky(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return the lower factor of a Gram matrix, and its reciprocal condition (0: failed)."""
+    from scipy.linalg import lapack
+
+    factor, failed = lapack.dpotrf(gram, lower=1, clean=1)
+    if failed:
+        return factor, 0.0
+    size = float(np.abs(gram).sum(axis=0).max())
+    return factor, float(lapack.dpocon(factor, size, uplo="L")[0])
 
 
 def too_few_rows(n_rows: int, rank: int) -> TaskError:

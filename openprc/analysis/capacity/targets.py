@@ -10,9 +10,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from openprc.analysis.capacity.terms import Terms
 
-#: Targets a chunk, and samples a block: 256 x 8192 numbers stay near the processor, and a
-#: matrix product of that size runs at full speed.
-CHUNK_TERMS = 256
+#: Targets a chunk at most, and samples a block: so many numbers stay near the processor, and
+#: a matrix product of that size runs at full speed.
+CHUNK_TERMS = 192
 BLOCK_ROWS = 8192
 
 
@@ -118,6 +118,7 @@ class TargetRows:
 
 
 def chunks(n_terms: int, size: int = CHUNK_TERMS) -> Iterator[range]:
-    """Yield consecutive ranges of targets."""
-    for first in range(0, n_terms, size):
-        yield range(first, min(first + size, n_terms))
+    """Yield consecutive ranges of targets of nearly equal length, `size` at most."""
+    count = -(-n_terms // size)
+    for k in range(count):
+        yield range(k * n_terms // count, (k + 1) * n_terms // count)

@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 
 from openprc import __version__
 from openprc.errors import TaskError
+from openprc.reservoir.readout.stored_estimator import (
+    ESTIMATOR,
+    VERSIONS,
+    pack_estimator,
+    skops_is_there,
+    versions,
+)
+from openprc.reservoir.training.classification import Classification
 from openprc.reservoir.training.evaluation import Evaluation
 from openprc.reservoir.training.row_clock import RowClock
+from openprc.reservoir.training.row_split import RowSplit
 from openprc.reservoir.training.scores import NMSE_DEFINITION, NRMSE_DEFINITION
-from openprc.reservoir.training.split import Split
 from openprc.schema import Provenance, results
 
 
@@ -27,12 +35,12 @@ class TrainingResult:
     ----------
     task_name : str
     evaluation : Evaluation
-    target : (R, O) float64
+    target : (R, O) float64, or labels (R,) of a classifier
         On every row of the clock.
     flat : bool
         The target was given as (n,), and `cache` gives it back that way.
     clock : RowClock
-    split : Split
+    split : RowSplit
     feature_names : tuple of str
     warnings : tuple of str
         What a reader of the score should know.
@@ -45,10 +53,10 @@ class TrainingResult:
 
     task_name: str
     evaluation: Evaluation
-    target: NDArray[np.float64]
+    target: NDArray[Any]
     flat: bool
     clock: RowClock
-    split: Split
+    split: RowSplit
     feature_names: tuple[str, ...]
     warnings: tuple[str, ...]
     settings: Mapping[str, Any]
@@ -57,22 +65,60 @@ class TrainingResult:
 
     @property
     def nmse(self) -> float:
-        """Normalised mean squared error on the test rows, mean over outputs."""
+        """Normalised mean squared error on the test rows, mean over outputs.
+
+        Raises
+        ------
+        TaskError
+            When the readout is a classifier.
+        """
         return self.evaluation.mean_nmse
 
     @property
     def nrmse(self) -> float:
-        """Root of the normalised mean squared error on the test rows, mean over outputs."""
+        """Root of the NMSE on the test rows, mean over outputs; raises as `nmse`."""
         return self.evaluation.mean_nrmse
 
     @property
+    def accuracy(self) -> float:
+        """Share of test rows that a classifier gave their label.
+
+        Raises
+        ------
+        TaskError
+            When the readout is no classifier.
+        """
+        return self._labels.accuracy
+
+    @property
+    def symbol_error_rate(self) -> float:
+        """One less the accuracy; raises as `accuracy`."""
+        return self._labels.symbol_error_rate
+
+    @property
+    def confusion(self) -> NDArray[np.int64]:
+        """Test rows by true label (matrix row) and named one (column); raises as `accuracy`."""
+        return self._labels.confusion
+
+    @property
+    def _labels(self) -> Classification:
+        if self.evaluation.classification is None:
+            raise TaskError(
+                "the readout is a regressor, and numbers are not right or wrong",
+                expected="a classifier",
+                fix="ask for nrmse, or decide with scores of labels such as symbol_error_rate",
+                key="accuracy",
+            )
+        return self.evaluation.classification
+
+    @property
     def weights(self) -> NDArray[np.float64] | None:
-        """Weights on standardised states, (F, O), or None for a readout that is not linear."""
+        """Weights on standardised states, (F, O), or None for a readout that is not affine."""
         return self.evaluation.fitted.weights
 
     @property
     def bias(self) -> NDArray[np.float64] | None:
-        """Bias, (O,), or None for a readout that is not linear."""
+        """Bias, (O,), or None for a readout that is not affine."""
         return self.evaluation.fitted.bias
 
     @property
@@ -87,6 +133,7 @@ class TrainingResult:
 
         Target and prediction are (n,) when the target was given that way, else (n, O).
         """
+        flat = self.flat and self.target.ndim == 2
         spans = {
             "train": (self.evaluation.train_rows, self.evaluation.fitted.train_prediction),
             "test": (self.evaluation.test_rows, self.evaluation.prediction),
@@ -94,8 +141,8 @@ class TrainingResult:
         return {
             name: (
                 self.clock.time[rows],
-                self.target[rows, 0] if self.flat else self.target[rows],
-                prediction[:, 0] if self.flat else prediction,
+                self.target[rows, 0] if flat else self.target[rows],
+                prediction[:, 0] if flat else prediction,
             )
             for name, (rows, prediction) in spans.items()
         }
@@ -118,19 +165,33 @@ class TrainingResult:
             )
         return self.experiment_dir / "readout" / f"readout_{self.task_name}.h5"
 
-    def save(self) -> Path:
+    def save(self, *, estimator: bool | None = None) -> Path:
         """Write readout.h5 in one step, replacing an earlier one of this task.
+
+        A readout that is an affine map of the states is stored as weights. Of any other the
+        predictions are stored, and the estimator itself where that can be done without pickle.
+
+        Parameters
+        ----------
+        estimator : bool, optional
+            Store an estimator that is no affine map: by default if skops is installed.
 
         Raises
         ------
         TaskError
-            When there is no experiment folder.
+            When there is no experiment folder, or skops cannot store the estimator.
+        MissingDependency
+            When the estimator is to be stored and skops is not installed.
         """
+        attrs, arrays = self._attrs(), self._arrays()
+        if self.weights is None and (skops_is_there() if estimator is None else estimator):
+            arrays[ESTIMATOR] = pack_estimator(self.evaluation.fitted.estimator)
+            attrs[VERSIONS] = versions()
         return results.write_result(
             self.readout_path,
             kind="readout",
-            attrs=self._attrs(),
-            arrays=self._arrays(),
+            attrs=attrs,
+            arrays=arrays,
             provenance=Provenance(
                 "openprc.reservoir",
                 producer_version=__version__,
@@ -146,17 +207,14 @@ class TrainingResult:
             "task_name": self.task_name,
             "source_name": self.source[0],
             "source_run_id": self.source[1],
-            "NMSE": self.nmse,
-            "NRMSE": self.nrmse,
-            "NMSE_definition": NMSE_DEFINITION,
-            "NRMSE_definition": NRMSE_DEFINITION,
-            "NMSE_train": float(self.evaluation.train_nmse.mean()),
+            **self._scores(),
             "n_states": len(self.feature_names),
-            "n_outputs": self.target.shape[1],
+            "n_outputs": self.evaluation.fitted.n_outputs,
             "n_train": len(self.evaluation.train_rows),
             "n_test": len(self.evaluation.test_rows),
             "clock": self.clock.kind,
             "row_step": self.clock.step,
+            "samples_per_symbol": self.clock.samples_per_row,
             "time_unit": "s" if self.clock.unit == "s" else "1",
             "estimator": repr(self.evaluation.fitted.estimator),
             "linear": int(self.weights is not None),
@@ -167,15 +225,38 @@ class TrainingResult:
             attrs["warnings"] = list(self.warnings)
         return attrs
 
+    def _scores(self) -> dict[str, Any]:
+        test, train = self.evaluation.classification, self.evaluation.train_classification
+        if test is None or train is None:
+            return {
+                "NMSE": self.nmse,
+                "NRMSE": self.nrmse,
+                "NMSE_definition": NMSE_DEFINITION,
+                "NRMSE_definition": NRMSE_DEFINITION,
+                "NMSE_train": float(self.evaluation.train_nmse.mean()),
+            }
+        return {
+            "accuracy": test.accuracy,
+            "symbol_error_rate": test.symbol_error_rate,
+            "majority_accuracy": test.majority,
+            "accuracy_train": train.accuracy,
+        }
+
     def _arrays(self) -> dict[str, NDArray[Any]]:
         fitted = self.evaluation.fitted
         arrays: dict[str, NDArray[Any]] = {
             "preprocessing/X_mean": fitted.standardizer.mean,
             "preprocessing/X_scale": fitted.standardizer.scale,
             "model/feature_names": np.asarray(self.feature_names, dtype=str),
-            "validation/NMSE": self.evaluation.nmse,
-            "training/NMSE": self.evaluation.train_nmse,
         }
+        if fitted.classes is None:
+            arrays["validation/NMSE"] = self.evaluation.nmse
+            arrays["training/NMSE"] = self.evaluation.train_nmse
+        else:
+            arrays["model/classes"] = fitted.classes
+        if self.evaluation.classification is not None:
+            arrays["validation/confusion"] = self.evaluation.classification.confusion
+            arrays["validation/labels"] = self.evaluation.classification.labels
         if fitted.weights is not None and fitted.bias is not None:
             arrays["model/weights"] = fitted.weights
             arrays["model/bias"] = fitted.bias
