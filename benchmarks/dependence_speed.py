@@ -36,7 +36,7 @@ CHANNELS = 20
 BLOCK_S = 0.2  # CPU time that a block of calls should take
 MOST_CALLS = 200
 OURS, SHARED, UPSTREAM = "openprc", "openprc, a channel of 20", "upstream"
-THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 #: A contestant: what runs it, and up to which n, beyond which it takes minutes or gigabytes.
 DCOR = {
@@ -74,7 +74,7 @@ def series(n: int) -> tuple[np.ndarray, np.ndarray]:
 # --- what the processes do ---------------------------------------------------------------------
 
 
-def contestant(name: str, x: np.ndarray, Y: np.ndarray) -> Callable[[], float]:  # noqa: PLR0911
+def contestant(name: str, x: np.ndarray, Y: np.ndarray) -> Callable[[], float]:
     """Return one call, for the interpreter that has the package."""
     y = np.ascontiguousarray(Y[:, 0])
     if name == "sort":
@@ -122,7 +122,7 @@ def serve(name: str, n: int) -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # whatever a package says belongs elsewhere
     call = contestant(name, *series(n))
-    small = contestant(name, *series(100))
+    small = contestant(name, *series(1200))
     small()  # compiles
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     value = call()

@@ -211,7 +211,7 @@ def show_reproduction(rows: list[dict[str, Any]]) -> None:
             f"{row['z']:+.1f}",
             f"{row['z*']:+.1f}",
         )
-    Console().print(table)
+    Console(width=max(Console().width, 110)).print(table)
 
 
 def show_settings(rows: list[dict[str, Any]]) -> None:

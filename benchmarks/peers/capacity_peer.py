@@ -22,8 +22,8 @@ Measure = Callable[[], np.ndarray]
 
 def ours(problem: Problem, *, dtype: type, estimator: str) -> Measure:
     """The functions of this package, whole: checks of the drive, thresholds and all."""
-    from openprc.analysis.capacity import information_processing_capacity
-    from openprc.reservoir.training.row_split import RowSplit
+    from openprc.analysis.capacity import information_processing_capacity  # noqa: PLC0415 - one way, one import
+    from openprc.reservoir.training.row_split import RowSplit  # noqa: PLC0415 - one way, one import
 
     first, n_train, n_test = (int(problem[name]) for name in ("first", "n_train", "n_test"))
     split = RowSplit(washout=first, train=n_train, test=n_test)
@@ -43,7 +43,7 @@ def upstream(problem: Problem) -> Measure:
     """The function of the paper authors' package, 0.1.1; its targets come in another order."""
     # It imports torch for a variant that is not used here.
     sys.modules.setdefault("torch", types.ModuleType("torch"))
-    from openprc.analysis.utils.training_utils import compute_ipc_components
+    from openprc.analysis.utils.training_utils import compute_ipc_components  # noqa: PLC0415 - one way, one import
 
     first, n_train, n_test = (int(problem[name]) for name in ("first", "n_train", "n_test"))
     states = standardised(problem).astype(np.float32)
@@ -88,7 +88,7 @@ def score(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def sklearn_ridge(problem: Problem, *, loop: bool) -> Measure:
     """Ridge of scikit-learn."""
-    from sklearn.linear_model import Ridge
+    from sklearn.linear_model import Ridge  # noqa: PLC0415 - one way, one import
 
     x, x_test, z, z_test = split_of(problem)
     penalty = float(problem["ridge"]) * len(x)
@@ -108,7 +108,7 @@ def sklearn_ridge(problem: Problem, *, loop: bool) -> Measure:
 
 def reservoirpy_ridge(problem: Problem, *, loop: bool) -> Measure:
     """The ridge node of reservoirpy."""
-    from reservoirpy.nodes import Ridge
+    from reservoirpy.nodes import Ridge  # noqa: PLC0415 - one way, one import
 
     x, x_test, z, z_test = split_of(problem)
     penalty = float(problem["ridge"]) * len(x)

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from openprc.demlat.models.barhinge.model import BarHingeModel
     from openprc.demlat.planning.plan import make_plan
     from openprc.demlat.scaling import SimulationScaler
+    from openprc.demlat.sensors import Sensors
     from openprc.demlat.setup import SimulationSetup
     from openprc.demlat.simulation import Simulation
+    from openprc.demlat.stepping import SteppedExperiment
 
 _LAZY = {
     "BarHingeModel": "openprc.demlat.models.barhinge.model",
@@ -26,6 +28,8 @@ _LAZY = {
     "EnsembleResult": "openprc.demlat.ensemble",
     "SimulationScaler": "openprc.demlat.scaling",
     "SimulationSetup": "openprc.demlat.setup",
+    "Sensors": "openprc.demlat.sensors",
+    "SteppedExperiment": "openprc.demlat.stepping",
     "make_plan": "openprc.demlat.planning.plan",
     "run_ensemble": "openprc.demlat.ensemble",
 }
@@ -36,9 +40,11 @@ __all__ = [
     "BarHingeModel",
     "Engine",
     "EnsembleResult",
+    "Sensors",
     "Simulation",
     "SimulationScaler",
     "SimulationSetup",
+    "SteppedExperiment",
     "make_plan",
     "meshing",
     "run_ensemble",

@@ -19,6 +19,9 @@ _LAZY = {
     "drive_whiteness": "openprc.reservoir.io.whiteness",
     "EchoStateNetwork": "openprc.reservoir.networks.echo_state",
     "ElementSeries": "openprc.reservoir.features.element_features",
+    "Feedback": "openprc.reservoir.training.teacher_forcing",
+    "fit_generator": "openprc.reservoir.training.teacher_forcing",
+    "force_train": "openprc.reservoir.training.force",
     "HingeAngles": "openprc.reservoir.features.element_features",
     "Inputs": "openprc.reservoir.features.input_features",
     "NodeDisplacements": "openprc.reservoir.features.node_features",
@@ -28,10 +31,13 @@ _LAZY = {
     "Readout": "openprc.reservoir.readout.saved",
     "Ridge": "openprc.reservoir.readout.ridge",
     "RLS": "openprc.reservoir.readout.rls",
+    "run_closed_loop": "openprc.reservoir.training.closed_loop",
     "Split": "openprc.reservoir.training.split",
     "Stacked": "openprc.reservoir.features.base",
     "StateLoader": "openprc.reservoir.io.state_loader",
     "SymbolClock": "openprc.reservoir.io.symbol_clock",
+    "TemporalRidgeCV": "openprc.reservoir.readout.temporal_ridge",
+    "train_streamed": "openprc.reservoir.training.streamed",
     "Trainer": "openprc.reservoir.training.trainer",
 }
 

@@ -173,6 +173,10 @@ def test_copies_of_states_do_not_upset_held_out_capacities():
         ({"null": "circular", "n_surrogates": 600}, "circular shifts of at least 20 rows"),
         ({"estimator": "heldout"}, "a held-out capacity was asked for without a split"),
         ({"eps": np.nan}, "eps is nan"),
+        (
+            {"estimator": "heldout", "correction": "benjamini-hochberg"},
+            "held-out capacities and a false discovery rate",
+        ),
         ({"dtype": np.int64}, "dtype is int64"),
         ({"blas_threads": 0}, "blas_threads is 0"),
         (

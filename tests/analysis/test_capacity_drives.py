@@ -72,6 +72,13 @@ def test_a_slow_drive_is_adapted_to(degrees):
     assert found.nonlinear == 0.0
 
 
+def test_a_slow_drive_needs_more_rows_than_targets():
+    u = np.cumsum(np.random.default_rng(2).normal(size=300))
+    states = np.stack([u, np.roll(u, 1)], axis=1)
+    with pytest.raises(TaskError, match=r"autocorrelation 0\.9.*495 targets over 270 rows"):
+        information_processing_capacity(states, u, delays={2: 29, 1: 29}, washout=30)
+
+
 def test_shifts_keep_chance_low_where_the_beta_distribution_does_not():
     """A slow drive and slow states that never met: nothing may count."""
     rng = np.random.default_rng(4)

@@ -58,7 +58,7 @@ def test_a_limit_saturates_the_drive():
     np.testing.assert_allclose(feedback(np.array([[1.0], [9.0], [-9.0]]))[:, 0], [3, 4, -2])
 
 
-@pytest.mark.parametrize("form", ["fitted", "saved", "estimator"])
+@pytest.mark.parametrize("form", ["fitted", "saved", "whole", "estimator"])
 def test_every_form_of_a_readout_says_the_same(form):
     body = Taps(2)
     fitted = fit_generator(body, WAVE[:500], LinearRegression(), washout=2)
@@ -72,6 +72,15 @@ def test_every_form_of_a_readout_says_the_same(form):
             scale=scaling.scale,
             feature_names=("newest", "oldest"),
             attrs={},
+        ),
+        "whole": Readout(
+            weights=None,
+            bias=None,
+            mean=scaling.mean,
+            scale=scaling.scale,
+            feature_names=("newest", "oldest"),
+            attrs={},
+            estimator=fitted.estimator,
         ),
         "estimator": LinearRegression().fit(
             teacher_forced_states(body, WAVE[:500])[2:-1], WAVE[3:500]

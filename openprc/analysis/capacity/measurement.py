@@ -124,6 +124,14 @@ def measure(
         prepared.metadata["notes"] = notes
     if warning:
         prepared.warnings.append(warning)
+        if settings.orthonormalize == "exact" and len(terms) >= fit.n_usable - 1:
+            raise TaskError(
+                f"{whiteness}, and {len(terms)} targets over {fit.n_usable} rows cannot be made "
+                "orthonormal",
+                expected="independent values from row to row, or fewer targets than rows",
+                fix="take one row per symbol of the input, or lower the largest delays",
+                key="delays",
+            )
     with blas_limit(settings.blas_threads):
         if test is None:
             found = _in_sample(prepared, settings)
@@ -292,7 +300,7 @@ def _held_out(prepared: Prepared, test: RowSpan, settings: Settings) -> Capaciti
         thresholds = np.full(len(terms), value)
         rule = (
             f"held-out capacity of white targets, alpha = {settings.alpha:g}, "
-            f"{'none' if settings.correction == 'none' else 'bonferroni'} over {len(terms)} targets"
+            f"{settings.correction} over {len(terms)} targets"
         )
     else:
 

@@ -39,7 +39,7 @@ def information_processing_capacity(
     alpha: float = 0.01,
     correction: Correction = "bonferroni",
     null: Null = "beta",
-    n_surrogates: int = 199,
+    n_surrogates: int = 99,
     orthonormalize: Orthonormalize = "average",
     coloured: Coloured = "adapt",
     correlated: Correlated = "refuse",
@@ -89,6 +89,7 @@ def information_processing_capacity(
         Probability that any capacity of chance counts (for ``benjamini-hochberg``, fraction
         of those that count which are chance).
     correction : {"bonferroni", "benjamini-hochberg", "none"}
+        For K targets under ``null="beta"``. Surrogates take the largest of each degree.
     null : {"beta", "circular", "shuffle"}
         The exact distribution of chance for a white input, or that of surrogates; see
         `surrogate_thresholds`.

@@ -32,7 +32,7 @@ class Settings:
     alpha: float = 0.01
     correction: Correction = "bonferroni"
     null: Null = "beta"
-    n_surrogates: int = 199
+    n_surrogates: int = 99
     orthonormalize: Orthonormalize = "average"
     coloured: Coloured = "adapt"
     correlated: Correlated = "refuse"
@@ -73,6 +73,13 @@ class Settings:
                 expected="a number that capacities have to exceed",
                 fix="leave it out for a threshold from the distribution of chance",
                 key="eps",
+            )
+        if self.estimator == "heldout" and self.correction == "benjamini-hochberg":
+            raise TaskError(
+                "held-out capacities and a false discovery rate were asked for together",
+                expected="bonferroni or none for held-out capacities",
+                fix='use estimator="insample"',
+                key="correction",
             )
         if self.estimator == "heldout" and self.orthonormalize == "exact":
             raise TaskError(

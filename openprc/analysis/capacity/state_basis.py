@@ -18,8 +18,9 @@ RANK_RULE = (
 )
 
 #: Least reciprocal condition number (of the Gram matrix, 1-norm) down to which a Cholesky
-#: factor is as good as an orthogonal factorisation, for each precision of the products.
-_SAFE_RCOND = {"float64": 1e-9, "float32": 5e-7}
+#: factor is as good as an orthogonal factorisation. The Gram matrix is made in double precision
+#: even where products with targets are not: its errors would be amplified, theirs are not.
+_SAFE_RCOND = 1e-9
 #: And down to which two of them are, the second of the states whitened by the first. Rows of
 #: this condition have no singular value that could be taken for rounding.
 _TWICE_RCOND = 1e-13
@@ -184,12 +185,10 @@ def state_basis(
     dtype = np.dtype(dtype)
     rcond = 0.0
     if n_states < n_rows - 1 and rank_tolerance is None and scaled.rounding < _LITTLE_ROUNDING:
-        matrix = values.astype(dtype, copy=False)
-        factor, rcond = cholesky(gram_of(matrix))
-        if rcond > _SAFE_RCOND[dtype.name]:
+        factor, rcond = cholesky(gram_of(values))
+        if rcond > _SAFE_RCOND:
+            matrix = values.astype(dtype, copy=False)
             return StateBasis(matrix, n_states, "cholesky", rcond, factor)
-        if dtype != values.dtype:
-            factor, rcond = cholesky(gram_of(values))
         if rcond > _TWICE_RCOND:
             # Cholesky QR 2 (Yamamoto et al. 2015, Electron. Trans. Numer. Anal. 44, 306).
             white = blas.dtrsm(1.0, factor, values.T, lower=1).T
@@ -214,9 +213,9 @@ def state_basis(
     )
 
 
-def gram_of(matrix: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return the Gram matrix of the columns, (N, N), in double precision."""
-    return np.asarray(matrix.T @ matrix, dtype=np.float64)
+def gram_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Gram matrix of the columns, (N, N)."""
+    return np.asarray(matrix.T @ matrix)
 
 
 def cholesky(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

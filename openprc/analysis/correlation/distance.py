@@ -7,7 +7,8 @@ distances, of their products, and of their row sums.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -86,32 +87,52 @@ def standardized(series: Array) -> Array:
     return np.asarray(centred / centred.std())
 
 
-def distance_correlation(x: DistanceSeries, y: Array) -> DistanceCorrelation:
-    """Return the distance correlation of a prepared series with another (T,).
+def distance_correlations(x: DistanceSeries, rows: Array) -> list[DistanceCorrelation]:
+    """Return the distance correlations of a prepared series with each of the rows (N, T).
 
-    The biased one is ``sqrt(dCov^2(x, y) / sqrt(dCov^2(x, x) dCov^2(y, y)))``.
+    Rows are centred and not constant. The biased one is
+    ``sqrt(dCov^2(x, y) / sqrt(dCov^2(x, x) dCov^2(y, y)))``.
     """
-    both, own = _sums(x, standardized(y))
-    n = len(y)
-    scale = np.sqrt(_biased(n, x.own) * _biased(n, own))
-    variances = _unbiased(n, x.own), _unbiased(n, own)
-    # A single row that differs from all others has no U-centred distances left.
-    least = LEAST_VARIANCE * scale
-    unbiased = np.nan
-    if min(variances) > least:
-        unbiased = _unbiased(n, both) / np.sqrt(variances[0] * variances[1])
-    biased = np.sqrt(np.clip(_biased(n, both) / scale, 0.0, 1.0))
-    return DistanceCorrelation(float(biased), float(unbiased))
+    from openprc.analysis.correlation import kernels  # noqa: PLC0415 - numba, heavy
+
+    n = rows.shape[1]
+    work = kernels.workspace(n)
+    found = kernels.channel_products(x.order, x.values, x.row_sums, rows, work)
+    return [_correlation(n, x, sums) for sums in found.tolist()]
 
 
 def reordered(x: DistanceSeries, y: Array, orders: Iterable[NDArray[np.int64]]) -> Array:
     """Return the biased dCor of `x` with `y` in other orders of its rows, one an order."""
-    other, n = standardized(y), len(y)
+    from openprc.analysis.correlation import kernels  # noqa: PLC0415 - numba, heavy
+
+    n = len(y)
+    work = kernels.workspace(n)
+    other = standardized(y)
     squares = []
+    scale = None
     for order in orders:
-        both, own = _sums(x, other[order])
-        squares.append(_biased(n, both) / np.sqrt(_biased(n, x.own) * _biased(n, own)))
+        products, rows, total, own_rows = kernels.distance_products(
+            x.values, x.row_sums, other[order[x.order]], work
+        )
+        if scale is None:
+            # No order changes the distances within a series.
+            own = _squared_distances(other), own_rows, total**2
+            scale = np.sqrt(_biased(n, x.own) * _biased(n, own))
+        squares.append(_biased(n, (products, rows, x.total * total)) / scale)
     return np.sqrt(np.clip(squares, 0.0, 1.0))
+
+
+def _correlation(n: int, x: DistanceSeries, sums: Sequence[float]) -> DistanceCorrelation:
+    products, rows, total, own_rows, squares = sums
+    both, own = (products, rows, x.total * total), (squares, own_rows, total**2)
+    scale = math.sqrt(_biased(n, x.own) * _biased(n, own))
+    variances = _unbiased(n, x.own), _unbiased(n, own)
+    unbiased = math.nan
+    # A single row that differs from all others has no U-centred distances left.
+    if min(variances[0] / _biased(n, x.own), variances[1] / _biased(n, own)) > LEAST_VARIANCE:
+        unbiased = _unbiased(n, both) / math.sqrt(variances[0] * variances[1])
+    squared = min(max(_biased(n, both) / scale, 0.0), 1.0)
+    return DistanceCorrelation(math.sqrt(squared), unbiased)
 
 
 def chi2_p_value(unbiased: float, n: int) -> float:
@@ -123,15 +144,6 @@ def chi2_p_value(unbiased: float, n: int) -> float:
     from scipy import special
 
     return float(special.chdtrc(1.0, max(n * unbiased + 1.0, 0.0)))
-
-
-def _sums(x: DistanceSeries, other: Array) -> tuple[Sums, Sums]:
-    """Return the sums of `x` with a standardised series, and of that series with itself."""
-    from openprc.analysis.correlation.kernels import distance_products  # noqa: PLC0415 - numba, heavy
-
-    products, rows, total, squares = distance_products(x.values, x.row_sums, other[x.order])
-    own = (_squared_distances(other), float(squares), float(total) ** 2)
-    return (float(products), float(rows), x.total * float(total)), own
 
 
 def _squared_distances(values: Array) -> float:

@@ -1,5 +1,5 @@
 """Sums over all pairs of samples in O(n log n), compiled."""
-# ruff: noqa: TID253, ANN001, ANN201 - compiled as a whole, for the types of the caller
+# ruff: noqa: TID253, ANN001, ANN201, ANN202 - compiled as a whole, for the types of the caller
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import Any
 import numba
 import numpy as np
 
-#: Shortest run that is sorted by merging; shorter ones are paired and sorted directly.
+#: Shorter runs than this are paired and sorted directly, longer ones by merging.
 RUN = 8
+#: Samples between the series in the scratch, lest all of them fall into the same cache lines.
+GAP = 168
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -24,34 +26,62 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @kernel
-def _sort_runs(ys, xs, rs):
+def run_width(n):
+    """Return the width of the runs that are sorted first; their number is a power of two.
+
+    The last sample is repeated until they are full: to `width` times the number of runs.
+    """
+    n_runs = 1
+    while n > 2 * RUN * n_runs:
+        n_runs *= 2
+    return (n + n_runs - 1) // n_runs
+
+
+def workspace(n: int) -> np.ndarray:
+    """Return scratch memory for `distance_products` of n samples."""
+    width = int(run_width(n))
+    size = width
+    while size < n:
+        size *= 2
+    return np.empty(6 * (size + GAP))
+
+
+@kernel
+def _sort_runs(width, ys, xs, rs, yt, xt, rt):
     """Sort runs by y, and return the sum of (x_j - x_i)(y_j - y_i) over pairs that agree."""
-    n = ys.size
     agreeing = 0.0
-    for low in range(0, n, RUN):
-        for j in range(low + 1, min(low + RUN, n)):
-            yj, xj, rj = ys[j], xs[j], rs[j]
-            i = j - 1
-            while i >= low and ys[i] > yj:
-                ys[i + 1], xs[i + 1], rs[i + 1] = ys[i], xs[i], rs[i]
-                i -= 1
-            ys[i + 1], xs[i + 1], rs[i + 1] = yj, xj, rj
-            part = 0.0
-            for k in range(low, i + 1):
-                part += (xj - xs[k]) * (yj - ys[k])
-            agreeing += part
+    place = np.empty(width, np.int64)
+    for low in range(0, ys.size, width):
+        part = 0.0
+        for j in range(width):
+            yj, xj = ys[low + j], xs[low + j]
+            before = 0
+            for i in range(j):
+                agrees = ys[low + i] <= yj
+                before += agrees
+                place[i] += not agrees
+                part += np.float64(agrees) * (xj - xs[low + i]) * (yj - ys[low + i])
+            place[j] = before
+        agreeing += part
+        for j in range(width):
+            k = low + place[j]
+            yt[k], xt[k], rt[k] = ys[low + j], xs[low + j], rs[low + j]
     return agreeing
 
 
 @kernel
-def _merge_equal(low, width, ys, xs, rs, yt, xt, rt):
+def _merge(low, width, ys, xs, rs, yt, xt, rt):
     """Merge two runs of equal width from both ends at once, and return the same sum of pairs.
 
-    Neither end can leave its run, so nothing is checked; the two do not wait for each other;
-    and all is written without jumps, which the processor could not foresee.
+    Neither end can leave its run, so nothing is checked; the two do not wait for each other. Of
+    random data no processor foresees which run comes next, so there is no jump for it either:
+    the sign of a difference of bits, all ones or all zeros, chooses by masking. Bits of numbers
+    that are not negative are ordered as the numbers are.
     """
+    keys = ys.view(np.int64)
     i, j = low, low + width
     p, q = low + width - 1, low + 2 * width - 1
+    head, tail = low, q
     count, sum_x, sum_y, sum_xy = 0.0, 0.0, 0.0, 0.0
     rest, rest_x, rest_y, rest_xy = float(width), 0.0, 0.0, 0.0
     for k in range(low, low + width):
@@ -59,71 +89,40 @@ def _merge_equal(low, width, ys, xs, rs, yt, xt, rt):
         rest_y += ys[k]
         rest_xy += xs[k] * ys[k]
     first = last = 0.0
-    for k in range(width):
-        left = np.int64(ys[i] <= ys[j])
-        source = j + (i - j) * left
-        yk, xk = ys[source], xs[source]
-        yt[low + k], xt[low + k], rt[low + k] = yk, xk, rs[source]
-        weight = float(left)
-        xy = xk * yk
-        first += (1.0 - weight) * (count * xy - xk * sum_y - yk * sum_x + sum_xy)
+    for _ in range(width):
+        # Unsigned, or an index would be checked for being negative.
+        right = (keys[np.uint64(j)] - keys[np.uint64(i)]) >> 63
+        source, target = np.uint64(i + ((j - i) & right)), np.uint64(head)
+        y, x = ys[source], xs[source]
+        yt[target], xt[target], rt[target] = y, x, rs[source]
+        weight = np.float64(1 + right)
+        head += 1
+        i += 1 + right
+        j -= right
+        first += (1.0 - weight) * (x * (count * y - sum_y) + (sum_xy - y * sum_x))
         count += weight
-        sum_x += weight * xk
-        sum_y += weight * yk
-        sum_xy += weight * xy
-        i += left
-        j += 1 - left
+        sum_x += weight * x
+        sum_y += weight * y
+        sum_xy += weight * x * y
         # From the other end; equal values of the left run come before those of the right one.
-        left = np.int64(ys[p] > ys[q])
-        source = q + (p - q) * left
-        yk, xk = ys[source], xs[source]
-        target = low + 2 * width - 1 - k
-        yt[target], xt[target], rt[target] = yk, xk, rs[source]
-        weight = float(left)
-        xy = xk * yk
-        last += (1.0 - weight) * (rest * xy - xk * rest_y - yk * rest_x + rest_xy)
+        left = (keys[np.uint64(q)] - keys[np.uint64(p)]) >> 63
+        source, target = np.uint64(q + ((p - q) & left)), np.uint64(tail)
+        y, x = ys[source], xs[source]
+        yt[target], xt[target], rt[target] = y, x, rs[source]
+        weight = np.float64(-left)
+        tail -= 1
+        p += left
+        q -= 1 + left
+        last += (1.0 - weight) * (x * (rest * y - rest_y) + (rest_xy - y * rest_x))
         rest -= weight
-        rest_x -= weight * xk
-        rest_y -= weight * yk
-        rest_xy -= weight * xy
-        p -= left
-        q -= 1 - left
+        rest_x -= weight * x
+        rest_y -= weight * y
+        rest_xy -= weight * x * y
     return first + last
 
 
 @kernel
-def _merge(low, middle, high, ys, xs, rs, yt, xt, rt):
-    """Merge two runs of any width, and return the same sum of pairs."""
-    i, j, k = low, middle, low
-    count = sum_x = sum_y = sum_xy = part = 0.0
-    while i < middle and j < high:
-        left = np.int64(ys[i] <= ys[j])
-        source = j + (i - j) * left
-        yk, xk = ys[source], xs[source]
-        yt[k], xt[k], rt[k] = yk, xk, rs[source]
-        k += 1
-        weight = float(left)
-        xy = xk * yk
-        part += (1.0 - weight) * (count * xy - xk * sum_y - yk * sum_x + sum_xy)
-        count += weight
-        sum_x += weight * xk
-        sum_y += weight * yk
-        sum_xy += weight * xy
-        i += left
-        j += 1 - left
-    while i < middle:
-        yt[k], xt[k], rt[k] = ys[i], xs[i], rs[i]
-        i, k = i + 1, k + 1
-    while j < high:
-        yk, xk = ys[j], xs[j]
-        yt[k], xt[k], rt[k] = yk, xk, rs[j]
-        part += count * xk * yk - xk * sum_y - yk * sum_x + sum_xy
-        j, k = j + 1, k + 1
-    return part
-
-
-@kernel
-def distance_products(x, a, y):
+def distance_products(x, a, y, work):
     """Return sums over pairs of distances, each pair counted twice.
 
     The sum of |x_i - x_j| |y_i - y_j| is split by the sign of (x_i - x_j)(y_i - y_j): of those
@@ -139,6 +138,8 @@ def distance_products(x, a, y):
         Row sums of |x_i - x_j|, in the same order.
     y : (n,) float64
         The other variable in the order of x, centred.
+    work : float64
+        Scratch, see `workspace`: fresh memory would cost more than what is done with it.
 
     Returns
     -------
@@ -147,26 +148,32 @@ def distance_products(x, a, y):
         the row sums of |y_i - y_j|.
     """
     n = x.size
-    ys, xs, rs = y.copy(), x.copy(), a.copy()
-    yt, xt, rt = np.empty(n), np.empty(n), np.empty(n)
-    agreeing = _sort_runs(ys, xs, rs)
-    width = RUN
-    while width < n:
-        for low in range(0, n, 2 * width):
-            middle, high = min(low + width, n), min(low + 2 * width, n)
-            if high - middle == width:
-                agreeing += _merge_equal(low, width, ys, xs, rs, yt, xt, rt)
-            else:
-                agreeing += _merge(low, middle, high, ys, xs, rs, yt, xt, rt)
-        ys, yt = yt, ys
-        xs, xt = xt, xs
-        rs, rt = rt, rs
-        width *= 2
+    width, size = run_width(n), work.size // 6 - GAP
+    far = size + GAP
+    ys, xs, rs = work[:size], work[far : far + size], work[2 * far : 2 * far + size]
+    yt, xt = work[3 * far : 3 * far + size], work[4 * far : 4 * far + size]
+    rt = work[5 * far : 5 * far + size]
     sum_x = sum_y = sum_xy = 0.0
+    last_x, last_y, first_y = x[n - 1], y[0], y[0]
     for k in range(n):
-        sum_x += xs[k]
-        sum_y += ys[k]
-        sum_xy += xs[k] * ys[k]
+        first_y, last_y = min(first_y, y[k]), max(last_y, y[k])
+    last_y -= first_y
+    for k in range(n):
+        yk, xk = y[k] - first_y, x[k]
+        ys[k], xs[k], rs[k] = yk, xk, a[k]
+        sum_x += xk
+        sum_y += yk
+        sum_xy += xk * yk
+    ys[n:], xs[n:], rs[n:] = last_y, last_x, 0.0
+    # The filling is last in both orders, and agrees with every sample.
+    agreeing = -(size - n) * (n * last_x * last_y - last_x * sum_y - last_y * sum_x + sum_xy)
+    agreeing += _sort_runs(width, ys, xs, rs, yt, xt, rt)
+    ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
+    while width < size:
+        for low in range(0, size, 2 * width):
+            agreeing += _merge(low, width, ys, xs, rs, yt, xt, rt)
+        ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
+        width *= 2
     below = row_products = squares = total = 0.0
     for k in range(n):
         b = (2.0 * k - n) * ys[k] - 2.0 * below + sum_y
@@ -180,8 +187,8 @@ def distance_products(x, a, y):
 
 
 @kernel
-def channel_products(order, x, a, rows):
-    """Return `distance_products` of x with each of the rows (N, T), and their sums of squares.
+def channel_products(order, x, a, rows, work):
+    """Return `distance_products` of x with each of the rows (N, T), and their own distances.
 
     Rows are centred; they are divided by their largest magnitude, so that no product leaves
     float64, and taken into the order of x.
@@ -203,7 +210,7 @@ def channel_products(order, x, a, rows):
             y[k] = rows[c, order[k]] / largest
             total += y[k]
             square += y[k] * y[k]
-        found[c, :4] = distance_products(x, a, y)
+        found[c, :4] = distance_products(x, a, y, work)
         found[c, 4] = 2.0 * (n * square - total * total)
     return found
 

@@ -15,7 +15,7 @@ from openprc.analysis.correlation.distance import (
     DistanceCorrelation,
     DistanceSeries,
     chi2_p_value,
-    distance_correlation,
+    distance_correlations,
     reordered,
 )
 from openprc.analysis.correlation.hsic import (
@@ -252,7 +252,7 @@ class Nonparametric:
 
     @cached_property
     def _distance(self) -> list[DistanceCorrelation]:
-        return [distance_correlation(self._prepared, row) for row in self._rows]
+        return distance_correlations(self._prepared, self._rows)
 
     @cached_property
     def _kernel(self) -> KernelSeries:

@@ -211,11 +211,9 @@ def predictor(readout: Any, *, n_states: int, n_outputs: int) -> Callable[[Reals
 
 def _linear_parts(readout: Any) -> tuple[Reals, Reals, Reals, Reals] | None:
     """Return weights (F, O), bias (O,), mean and scale (F,) of a readout that has them."""
-    if isinstance(readout, FittedReadout):
-        if readout.weights is None or readout.bias is None or readout.classes is not None:
-            return None
-        scaling = readout.standardizer
-        return readout.weights, readout.bias, scaling.mean, scaling.scale
-    if isinstance(readout, Readout):
-        return readout.weights, readout.bias, readout.mean, readout.scale
-    return None
+    if not isinstance(readout, FittedReadout | Readout):
+        return None
+    if readout.weights is None or readout.bias is None or readout.classes is not None:
+        return None
+    scaling = readout.standardizer if isinstance(readout, FittedReadout) else readout
+    return readout.weights, readout.bias, scaling.mean, scaling.scale
