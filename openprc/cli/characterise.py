@@ -109,6 +109,14 @@ def _show(told: dict[str, Any], suite: SuiteScore, written: list[Path]) -> None:
         ]
         title = f"capacities; their sum is at most the rank, {m['rank']:g}"
         out.print(table(["capacity", "above threshold", "without bias"], rows, title=title))
+    if "kernel_quality" in suite.scores:
+        m = suite.scores["kernel_quality"].metrics
+        out.print(
+            f"an echo falls to 1/e after {m['echo_decay']:.3g} rows and is above chance up to "
+            f"{m['echo_last_delay']:g}; {m['kernel_rank']} of {m['n_streams']} input streams are "
+            "told apart (kernel rank)",
+            markup=False,
+        )
     tasks = [
         [name, metric, *(score.metrics.get(key) for key in _columns(name, metric))]
         for name, metric, score in suite.tasks()

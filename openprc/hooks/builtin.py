@@ -139,6 +139,8 @@ def openprc_benchmarks() -> list[BenchmarkSpec]:
          "memory_benchmark:MemoryBenchmark"),
         ("dimension", "Ranks, condition number and principal components of the states",
          "diagnosis:DimensionBenchmark"),
+        ("kernel-quality", "How far back states echo the input, and the kernel rank",
+         "diagnosis:KernelQualityBenchmark"),
         ("input-correlation", "Which states follow the input, at which lag, and how",
          "diagnosis:InputCorrelation"),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openprc.analysis.dimension.kernel_quality import final_states, kernel_quality, kernel_rank
+from openprc.analysis.dimension.rank_tests import final_states, kernel_quality, kernel_rank
 from openprc.analysis.dimension.recorded_kernel_quality import (
     recorded_generalisation_rank,
     recorded_kernel_rank,

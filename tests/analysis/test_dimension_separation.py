@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from openprc.analysis.dimension.kernel_quality import final_states
+from openprc.analysis.dimension.rank_tests import final_states
 from openprc.analysis.dimension.separation import (
     class_separation,
     separation_profile,

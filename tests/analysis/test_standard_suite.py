@@ -12,8 +12,8 @@ from openprc.errors import TaskError
 from openprc.reservoir.training.split import Split
 from openprc.schema import results
 
-GROUPS = ["dimension", "input_correlation", "memory", "narma2", "narma5", "narma10", "narma20",
-          "volterra2"]  # fmt: skip
+GROUPS = ["dimension", "input_correlation", "memory", "kernel_quality", "narma2", "narma5",
+          "narma10", "narma20", "volterra2"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_everything_is_measured(suite):
     assert list(found.scores) == [*GROUPS, "prcpy"]
     assert found.skipped == {}
     assert [what for _, what in told] == [*GROUPS, "prcpy"]
-    assert [share for share, _ in told] == pytest.approx([k / 9 for k in range(9)])
+    assert [share for share, _ in told] == pytest.approx([k / 10 for k in range(10)])
 
 
 def test_the_numbers_hang_together(suite):
@@ -46,6 +46,9 @@ def test_the_numbers_hang_together(suite):
     assert memory["mc_jaeger"] < memory["mc_linear"]
     assert 1 < dimension["effective_rank"] < dimension["effective_rank_singular"] < 20
     assert 1 < dimension["condition_number"] < math.inf
+    kernel = found.scores["kernel_quality"].metrics
+    assert 1 <= kernel["echo_decay"] <= kernel["echo_last_delay"] + 1 < 20
+    assert 10 < kernel["kernel_rank"] <= 20
     correlation = found.scores["input_correlation"].metrics
     assert 0.9 < correlation["multiple_r"] <= 1
     assert correlation["n_correlated"] >= 10
@@ -142,5 +145,8 @@ def test_volterra_window_spans_rows():
 
 def test_a_split_that_is_too_long_is_refused(make_run):
     choices = Choices(split=Split(washout=100.0))
-    with open_trainer(make_run(), choices) as trainer, pytest.raises(TaskError, match="24 s of states"):
+    with (
+        open_trainer(make_run(), choices) as trainer,
+        pytest.raises(TaskError, match="24 s of states"),
+    ):
         StandardSuite().run(trainer)

@@ -12,6 +12,7 @@ from openprc.analysis.dimension.spectra import state_spectrum
 from openprc.reservoir.training.trainer import Trainer
 
 _LISTED = 5
+_FEW_VALUES = 4
 #: Above this absolute correlation two channels are called redundant.
 REDUNDANT = 0.95
 #: A relative cut for recordings: directions below one part in a hundred are mostly noise.
@@ -113,6 +114,66 @@ class InputCorrelation(Benchmark):
             "p_values": "effective sample size (Pearson), circular shifts (distance correlation); "
             "significant at 5 % after Benjamini and Hochberg",
         }
+        return Evaluated(metrics, metadata)
+
+
+class KernelQualityBenchmark(Benchmark):
+    """How far back the states echo the input, and how many input streams they tell apart.
+
+    The memory profile gives the echo; rows that far apart stand for independent streams, whose
+    rank is the kernel rank (Legenstein and Maass 2007). The generalisation rank needs words that
+    recur, and so an input of few values.
+    """
+
+    def __init__(self, group_name: str = "kernel_quality") -> None:
+        super().__init__(group_name)
+
+    def _evaluate(
+        self, trainer: Trainer, u: NDArray[Any], *, max_delay: int = 60, **parameters: Any
+    ) -> Evaluated:
+        from openprc.analysis.capacity import memory_capacity  # noqa: PLC0415 - needs scipy
+        from openprc.analysis.dimension import (  # noqa: PLC0415 - belongs to the same call
+            recorded_generalisation_rank,
+            recorded_kernel_rank,
+        )
+        from openprc.analysis.dynamics import memory_time  # noqa: PLC0415
+
+        rows = measured_rows(trainer)
+        x, _ = measured_states(trainer)
+        found = memory_capacity(
+            trainer.states.values,
+            u,
+            max_delay=min(max_delay, len(rows) // 10),
+            split=trainer.split,
+            usable=trainer.states.usable,
+            coloured="refuse",
+        )
+        order = np.argsort(found.delays)
+        echo = memory_time(found.values[order])
+        memory = int(max(echo.last_delay, 0)) + 1
+        kernel = recorded_kernel_rank(x, memory=memory)
+        metrics: dict[str, Any] = {
+            "echo_decay": echo.decay,
+            "echo_last_delay": echo.last_delay,
+            "kernel_rank": kernel.rank.numerical,
+            "kernel_rank_relative": kernel.rank.relative,
+            "n_streams": kernel.n_streams,
+        }
+        warnings = [text for text in (echo.remark, kernel.remark) if text]
+        if len(np.unique(u)) <= _FEW_VALUES:
+            common = parameters.get("common", 3)
+            general = recorded_generalisation_rank(x, u[rows], common=common)
+            metrics["generalisation_rank"] = general.rank.numerical
+            metrics["generalisation_rank_relative"] = general.rank.relative
+            warnings += [general.remark] if general.remark else []
+        metadata: dict[str, Any] = {
+            "echo_unit": "rows: delay from which on the capacity stays below 1/e of the largest, "
+            "and largest delay above chance",
+            "kernel_rank_definition": "rank of states a memory apart; relative: above the cut of "
+            "kernel_rank. An estimate from one recording",
+        }
+        if warnings:
+            metadata["warnings"] = warnings
         return Evaluated(metrics, metadata)
 
 

@@ -12,7 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from openprc.analysis.benchmarks.base import Benchmark, Score
 from openprc.analysis.benchmarks.baseline import NETWORK_SEEDS
-from openprc.analysis.benchmarks.diagnosis import DimensionBenchmark, InputCorrelation
+from openprc.analysis.benchmarks.diagnosis import (
+    DimensionBenchmark,
+    InputCorrelation,
+    KernelQualityBenchmark,
+)
 from openprc.analysis.benchmarks.memory_benchmark import MemoryBenchmark
 from openprc.analysis.benchmarks.narma_benchmark import NARMABenchmark
 from openprc.analysis.benchmarks.prcpy_benchmark import PRCpyBenchmark
@@ -111,9 +115,9 @@ class StandardSuite:
     """Run every benchmark that a body admits.
 
     Dimension of the states, correlation with the input, memory and information processing
-    capacity, NARMA 2, 5, 10 and 20, a Volterra system, and XOR where the input is binary. What
-    cannot be measured (NARMA10 may diverge; load steps have no memory; a file may not say what
-    drove the body) is left out with its reason.
+    capacity, echo and kernel rank, NARMA 2, 5, 10 and 20, a Volterra system, and XOR where the
+    input is binary. What cannot be measured (NARMA10 may diverge; load steps have no memory; a
+    file may not say what drove the body) is left out with its reason.
 
     Parameters
     ----------
@@ -187,6 +191,7 @@ def standard_items(
         Item(DimensionBenchmark()),
         Item(InputCorrelation()),
         Item(MemoryBenchmark("memory"), parameters={"delays": delay_budget(trainer)}),
+        Item(KernelQualityBenchmark()),
     ]
     items += [
         Item(NARMABenchmark(f"narma{n}"), scaled=True, parameters={"order": n, **networks})

@@ -75,6 +75,21 @@ class TargetRows:
         self.terms = terms
         self.dtype = np.dtype(dtype)
         self._tables = [np.ascontiguousarray(table, dtype=self.dtype) for table in tables]
+        # Few different factors make many targets: each factor is sliced once a block.
+        codes = np.stack([terms.inputs, terms.degrees, terms.delays], axis=-1).reshape(-1, 3)
+        most = codes.max(axis=0, initial=0) + 1
+        flat = (codes[:, 0] * most[1] + codes[:, 1]) * most[2] + codes[:, 2]
+        found, place = np.unique(flat, return_inverse=True)
+        self._factors = [
+            (c, d, lag)
+            for c, d, lag in zip(
+                (found // most[2] // most[1]).tolist(),
+                (found // most[2] % most[1]).tolist(),
+                (found % most[2]).tolist(),
+                strict=True,
+            )
+        ]
+        self._members = np.where(terms.degrees > 0, place.reshape(terms.degrees.shape), -1)
 
     def __len__(self) -> int:
         return len(self.terms)
@@ -90,22 +105,20 @@ class TargetRows:
         Unusable rows are zero, so that they add nothing to any sum.
         """
         part = out[: len(chunk), : span.stop - span.start]
-        degrees, delays, inputs = (
-            table[chunk.start : chunk.stop].tolist()
-            for table in (self.terms.degrees, self.terms.delays, self.terms.inputs)
-        )
-        for row, degree, delay, column in zip(part, degrees, delays, inputs, strict=True):
-            factors = [
-                self._tables[c][d - 1, span.start - lag : span.stop - lag]
-                for d, lag, c in zip(degree, delay, column, strict=True)
-                if d
-            ]
-            if len(factors) == 1:
-                row[:] = factors[0]
+        views = [
+            self._tables[c][d - 1, span.start - lag : span.stop - lag] if d else None
+            for c, d, lag in self._factors
+        ]
+        for row, members in zip(
+            part, self._members[chunk.start : chunk.stop].tolist(), strict=True
+        ):
+            if len(members) == 1 or members[1] < 0:
+                row[:] = views[members[0]]
                 continue
-            np.multiply(factors[0], factors[1], out=row)
-            for factor in factors[2:]:
-                row *= factor
+            np.multiply(views[members[0]], views[members[1]], row)
+            for other in members[2:]:
+                if other >= 0:
+                    row *= views[other]
         if span.usable is not None:
             part *= span.usable
         return part

@@ -1,6 +1,6 @@
 """Dimension of the states: spectra and ranks, kernel quality, separation of inputs."""
 
-from openprc.analysis.dimension.kernel_quality import (
+from openprc.analysis.dimension.rank_tests import (
     KernelQuality,
     MatrixRank,
     final_states,

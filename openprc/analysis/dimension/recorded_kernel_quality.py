@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openprc.analysis.dimension.kernel_quality import DEFAULT_CUT, MatrixRank, kernel_rank
+from openprc.analysis.dimension.rank_tests import DEFAULT_CUT, MatrixRank, kernel_rank
 from openprc.analysis.dimension.spectra import checked_states
 from openprc.errors import TaskError
 

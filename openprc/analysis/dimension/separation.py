@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openprc.analysis.dimension.kernel_quality import checked_streams, final_states
+from openprc.analysis.dimension.rank_tests import checked_streams, final_states
 from openprc.analysis.dimension.spectra import checked_states
 from openprc.errors import TaskError
 
@@ -103,7 +103,7 @@ def separation_profile(
     Parameters
     ----------
     body : Body
-        As in `openprc.analysis.dimension.kernel_quality.final_states`.
+        As in `openprc.analysis.dimension.rank_tests.final_states`.
     stream : (L,) or (L, C)
     max_delay : int
         Below L.

@@ -1,7 +1,5 @@
 """Dynamics of a driven body: consistency, Lyapunov exponents, echo-state time."""
 
-from openprc.analysis.dynamics.consistency import Consistency, consistency
-from openprc.analysis.dynamics.convergence import Convergence, convergence
 from openprc.analysis.dynamics.echo_state import (
     MemoryTime,
     ReplicaTest,
@@ -19,6 +17,8 @@ from openprc.analysis.dynamics.recorded import (
     convergence_of_files,
     read_replicas,
 )
+from openprc.analysis.dynamics.replica_consistency import Consistency, consistency
+from openprc.analysis.dynamics.replica_convergence import Convergence, convergence
 
 __all__ = [
     "Consistency",

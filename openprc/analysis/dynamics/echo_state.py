@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openprc.analysis.dynamics.convergence import Convergence, convergence, time_below
+from openprc.analysis.dynamics.replica_convergence import Convergence, convergence, time_below
 from openprc.errors import TaskError
 
 
@@ -129,7 +129,7 @@ def settable_state(body: Any) -> NDArray[np.float64]:
             f"the state of {type(body).__name__} cannot be set",
             expected="an attribute state, (N,), that can be read and set",
             fix="record two runs from different initial states under the same drive, and "
-            "compare these with openprc.analysis.dynamics.convergence",
+            "compare these with openprc.analysis.dynamics.replica_convergence",
             key="body",
         )
     return np.array(state, dtype=np.float64)

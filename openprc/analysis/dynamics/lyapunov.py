@@ -3,7 +3,7 @@
 The exponent is conditional on the drive: two copies of the body under the same input approach
 each other where it is negative, which is what a reservoir needs, and diverge where it is
 positive. Everything here is for a body that can be set to a state; for recordings see
-`openprc.analysis.dynamics.convergence`.
+`openprc.analysis.dynamics.replica_convergence`.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.analysis.dynamics.consistency import Consistency, consistency
-from openprc.analysis.dynamics.convergence import Convergence, convergence
+from openprc.analysis.dynamics.replica_consistency import Consistency, consistency
+from openprc.analysis.dynamics.replica_convergence import Convergence, convergence
 from openprc.errors import MissingInputError, TaskError
 from openprc.reservoir.io.state_loader import StateLoader
 from openprc.reservoir.training.row_clock import ClockChoice, RowClock, row_clock

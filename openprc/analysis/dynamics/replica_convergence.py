@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openprc.analysis.dynamics.consistency import checked_replicas
+from openprc.analysis.dynamics.replica_consistency import checked_replicas
 from openprc.errors import TaskError
 
 _FLOOR_MARGIN = 10.0
