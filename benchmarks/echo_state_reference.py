@@ -40,9 +40,9 @@ from openprc.reservoir.networks import EchoStateNetwork
 from openprc.reservoir.networks.baseline import REFERENCE_SETTINGS
 from openprc.reservoir.readout.ridge import Ridge
 from openprc.reservoir.training.evaluation import evaluate
-from openprc.reservoir.training.split import Split
+from openprc.reservoir.training.row_split import RowSplit
 
-SPLIT = Split(washout=200, train=2000, test=2000)
+SPLIT = RowSplit(washout=200, train=2000, test=2000)
 ORDERS = (2, 5, 10, 20)
 SIZES = (50, 100, 200, 400)
 RADII, SCALINGS, BIAS = (0.8, 0.9, 0.95, 0.99), (0.01, 0.1, 0.3, 1.0), 0.2

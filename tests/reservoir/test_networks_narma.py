@@ -13,9 +13,9 @@ from openprc.analysis.tasks.imitation import NARMA_task
 from openprc.reservoir.networks import EchoStateNetwork, reference_network
 from openprc.reservoir.readout.ridge import Ridge
 from openprc.reservoir.training.evaluation import evaluate
-from openprc.reservoir.training.split import Split
+from openprc.reservoir.training.row_split import RowSplit
 
-SPLIT = Split(washout=200, train=2000, test=2000)
+SPLIT = RowSplit(washout=200, train=2000, test=2000)
 #: Nodes, order, spectral radius, input scaling; NRMSE that is known, and its standard deviation.
 KNOWN = [
     (50, 2, 0.8, 0.1, 0.108, 0.036),

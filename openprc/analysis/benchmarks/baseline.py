@@ -51,7 +51,12 @@ def input_cubic(u: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def baseline_readout(readout: Any) -> Ridge:
-    """Return a ridge with the penalty of `readout`, or the default one if it is no ridge."""
+    """Return a ridge like `readout`, or the default one if it is no ridge."""
+    if isinstance(readout, Ridge):
+        from sklearn.base import clone
+
+        ridge: Ridge = clone(readout)
+        return ridge
     penalty = penalty_of(readout)
     return Ridge() if penalty is None else Ridge(penalty)
 

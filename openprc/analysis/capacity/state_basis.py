@@ -24,6 +24,8 @@ _SAFE_RCOND = 1e-9
 #: And down to which two of them are, the second of the states whitened by the first. Rows of
 #: this condition have no singular value that could be taken for rounding.
 _TWICE_RCOND = 1e-13
+#: Numbers that stay near the processor between one pass over them and the next.
+_NEAR = 32_768
 #: Rounding below which no direction that Cholesky admits can be a copy.
 _LITTLE_ROUNDING = 1e-8
 
@@ -100,10 +102,18 @@ def _centred(
     n = len(hull) if usable is None else int(usable.sum())
     ones = np.ones(len(hull)) if usable is None else usable.astype(np.float64)
     mean = (hull if usable is None else hull[usable]).mean(axis=0, dtype=np.float64)
-    values = np.subtract(hull, mean, dtype=np.float64)
-    if usable is not None:
-        values[~usable] = 0.0
-    norm = np.sqrt(np.einsum("ij,ij->j", values, values))
+    values = np.empty(hull.shape)
+    rest, power = np.zeros(len(mean)), np.zeros(len(mean))
+    length = max(1, _NEAR // len(mean))
+    for start in range(0, len(hull), length):
+        rows = slice(start, start + length)
+        part = np.subtract(hull[rows], mean, out=values[rows])
+        if usable is not None:
+            part[~usable[rows]] = 0.0
+        rest += ones[rows] @ part
+        power += np.einsum("ij,ij->j", part, part)
+    rest /= n
+    norm = np.sqrt(power)
     # The mean of a large offset is rounded; a second pass removes what that left behind.
     rest = ones @ values / n
     if (np.abs(rest) * np.sqrt(n) > 1e-12 * norm).any():

@@ -76,19 +76,12 @@ class TargetRows:
         self.dtype = np.dtype(dtype)
         self._tables = [np.ascontiguousarray(table, dtype=self.dtype) for table in tables]
         # Few different factors make many targets: each factor is sliced once a block.
-        codes = np.stack([terms.inputs, terms.degrees, terms.delays], axis=-1).reshape(-1, 3)
-        most = codes.max(axis=0, initial=0) + 1
-        flat = (codes[:, 0] * most[1] + codes[:, 1]) * most[2] + codes[:, 2]
-        found, place = np.unique(flat, return_inverse=True)
-        self._factors = [
-            (c, d, lag)
-            for c, d, lag in zip(
-                (found // most[2] // most[1]).tolist(),
-                (found // most[2] % most[1]).tolist(),
-                (found % most[2]).tolist(),
-                strict=True,
-            )
-        ]
+        codes = np.stack([terms.inputs, terms.degrees, terms.delays]).reshape(3, -1)
+        sizes = tuple((codes.max(axis=1, initial=0) + 1).tolist())
+        found, place = np.unique(np.ravel_multi_index(tuple(codes), sizes), return_inverse=True)
+        self._factors = list(
+            zip(*(axis.tolist() for axis in np.unravel_index(found, sizes)), strict=True)
+        )
         self._members = np.where(terms.degrees > 0, place.reshape(terms.degrees.shape), -1)
 
     def __len__(self) -> int:

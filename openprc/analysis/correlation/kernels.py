@@ -158,12 +158,17 @@ def distance_products(x, a, y, work):
     for k in range(n):
         first_y, last_y = min(first_y, y[k]), max(last_y, y[k])
     last_y -= first_y
-    for k in range(n):
-        yk, xk = y[k] - first_y, x[k]
-        ys[k], xs[k], rs[k] = yk, xk, a[k]
-        sum_x += xk
-        sum_y += yk
-        sum_xy += xk * yk
+    for start in range(0, n, 128):
+        part_x, part_y, part_xy = 0.0, 0.0, 0.0
+        for k in range(start, min(start + 128, n)):
+            yk, xk = y[k] - first_y, x[k]
+            ys[k], xs[k], rs[k] = yk, xk, a[k]
+            part_x += xk
+            part_y += yk
+            part_xy += xk * yk
+        sum_x += part_x
+        sum_y += part_y
+        sum_xy += part_xy
     ys[n:], xs[n:], rs[n:] = last_y, last_x, 0.0
     # The filling is last in both orders, and agrees with every sample.
     agreeing = -(size - n) * (n * last_x * last_y - last_x * sum_y - last_y * sum_x + sum_xy)
@@ -175,12 +180,19 @@ def distance_products(x, a, y, work):
         ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
         width *= 2
     below = row_products = squares = total = 0.0
-    for k in range(n):
-        b = (2.0 * k - n) * ys[k] - 2.0 * below + sum_y
-        below += ys[k]
-        row_products += rs[k] * b
-        squares += b * b
-        total += b
+    for start in range(0, n, 128):
+        # In parts, whose rounding errors do not add up to those of one long sum.
+        part, part_squares, part_total, part_below = 0.0, 0.0, 0.0, 0.0
+        for k in range(start, min(start + 128, n)):
+            b = (2.0 * k - n) * ys[k] - 2.0 * (below + part_below) + sum_y
+            part_below += ys[k]
+            part += rs[k] * b
+            part_squares += b * b
+            part_total += b
+        below += part_below
+        row_products += part
+        squares += part_squares
+        total += part_total
     # Of all pairs i < j, whatever their order in y: sum of (x_j - x_i)(y_j - y_i).
     signed = n * sum_xy - sum_x * sum_y
     return 2.0 * (2.0 * agreeing - signed), row_products, total, squares

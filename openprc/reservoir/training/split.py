@@ -162,13 +162,6 @@ class Split:
         counts = dict(zip(asked, np.diff(edges, prepend=0).tolist(), strict=True))
         return ResolvedSplit(self, clock, RowSplit(**counts), size, unit)
 
-    # --- until every caller has moved to RowSplit -------------------------------------------
-
-    def __getattr__(self, name):  # noqa: ANN001, ANN204
-        if name in ("n_rows", "train_rows", "test_rows", "masks"):
-            return getattr(RowSplit(self.washout, self.train, self.test, self.gap or 0), name)
-        raise AttributeError(name)
-
 
 @dataclass(frozen=True)
 class ResolvedSplit:
