@@ -9,9 +9,10 @@ PATH is the Python of an environment into which the peers were installed::
 "upstream" is that openprc. Everybody runs in a process of its own on one thread and takes turns
 in every round; times are CPU time, medians over rounds, and of a ratio the median over rounds of
 the ratio within a round. Calls go through the public classes, checks included; "a channel of 20"
-is a twentieth of a call with twenty channels, which share the work on the input. The difference
-is that from our value. The limit is what any method on sorted data pays: sorting both series.
-Memory is what the first call adds to the largest resident size of the process.
+is a twentieth of a call with twenty channels, which share the work on the input. "first" is the
+first call, compiled but without memory from earlier ones, in ms: large matrices cost more then.
+The difference is that from our value. The limit is what any method on sorted data pays: sorting
+both series. Memory is what the first call adds to the largest resident size of the process.
 
 One series is normal, the other its square with noise, 13 rows later.
 """
@@ -125,9 +126,11 @@ def serve(name: str, n: int) -> None:
     small = contestant(name, *series(1200))
     small()  # compiles
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.process_time()
     value = call()
+    first = time.process_time() - began
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    answers.write(json.dumps({"value": value, "memory_kb": memory}) + "\n")
+    answers.write(json.dumps({"value": value, "memory_kb": memory, "first_s": first}) + "\n")
     answers.flush()
     for line in sys.stdin:
         began = time.process_time()
@@ -164,6 +167,7 @@ class Contestant:
         )
         first = self._answer()
         self.value, self.memory_kb = first.get("value"), first.get("memory_kb")
+        self.first_s = first.get("first_s")
         if self.reason:
             return
         once = self.seconds(1)
@@ -216,6 +220,7 @@ def compare(
             within = [a / b for a, b in zip(times[name], times[first], strict=True)]
             row |= {
                 "ms": 1e3 * statistics.median(times[name]),
+                "first_ms": 1e3 * c.first_s / (CHANNELS if name == SHARED else 1),
                 "over_ours": statistics.median(within),
                 "value": c.value,
                 "difference": abs(c.value - there[first].value),
@@ -261,7 +266,7 @@ def main() -> None:
         ("Tests", TESTS, (1000, 5000)),
     ):
         table = Table(title=title, title_justify="left")
-        for heading in ("n", "", "ms", "x ours", "x a channel of 20", "difference", "memory [MB]"):
+        for heading in ("n", "", "first", "ms", "x ours", "x 1 of 20", "difference", "MB"):
             table.add_column(heading, justify="left" if not heading else "right")
         rows = report[title] = []
         for n in sizes:
@@ -281,6 +286,7 @@ def main() -> None:
                 table.add_row(
                     f"{n:,}",
                     row["name"],
+                    f"{row['first_ms']:.4g}",
                     f"{row['ms']:.4g}",
                     f"{row['over_ours']:.3g}",
                     f"{row['over_shared']:.3g}" if "over_shared" in row else "-",

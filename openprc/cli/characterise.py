@@ -136,8 +136,11 @@ def _show(told: dict[str, Any], suite: SuiteScore, written: list[Path]) -> None:
     if "prcpy" in suite.scores:
         rows = [[k, v] for k, v in suite.scores["prcpy"].metrics.items() if np.ndim(v) == 0]
         out.print(table(["figure", "value"], rows, title="by the formulas of PRCpy 0.1.14"))
+    reasons: dict[str, list[str]] = {}
     for name, reason in suite.skipped.items():
-        out.print(f"not measured: {name}: {reason}", markup=False)
+        reasons.setdefault(reason, []).append(name)
+    for reason, names in reasons.items():
+        out.print(f"not measured: {', '.join(names)}: {reason}", markup=False)
     for text, groups in suite.warnings().items():
         out.print(f"warning: {', '.join(groups)}: {text}", markup=False)
     for one in written:

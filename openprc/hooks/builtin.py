@@ -76,7 +76,11 @@ def openprc_features() -> list[FeatureSpec]:
          "node_features:NodeDisplacements"),
         ("bar-lengths", "Length of every bar", "bar_features:BarLengths"),
         ("bar-extensions", "Length minus rest length of every bar", "bar_features:BarExtensions"),
+        ("node-velocities", "Stored velocities of nodes", "node_features:NodeVelocities"),
+        ("bar-strains", "Extension over rest length of every bar", "bar_features:BarStrains"),
+        ("hinge-angles", "Dihedral angle of every hinge", "element_features:HingeAngles"),
         ("channels", "Columns of the recorded channels", "channel_features:Channels"),
+        ("inputs", "What drove the body, as states", "input_features:Inputs"),
     )  # fmt: skip
     return [FeatureSpec(name, summary, _FEATURES + load) for name, summary, load in rows]
 
@@ -86,6 +90,12 @@ def openprc_readouts() -> list[ReadoutSpec]:
     """Linear readouts."""
     return [
         ReadoutSpec("ridge", "Ridge regression", "openprc.reservoir.readout.ridge:Ridge"),
+        ReadoutSpec(
+            "temporal-ridge",
+            "Ridge regression whose penalty is chosen on folds of time",
+            "openprc.reservoir.readout.temporal_ridge:TemporalRidgeCV",
+        ),
+        ReadoutSpec("rls", "Recursive least squares, online", "openprc.reservoir.readout.rls:RLS"),
     ]
 
 

@@ -72,7 +72,7 @@ def test_lines_of_few_channels(lin):
     assert axes.get_xlabel() == "lag of the channel behind the input [s]"
     peaks = [line for line in axes.lines if line.get_marker() == "o"]
     assert [line.get_xdata()[0] for line in peaks] == pytest.approx([0.0, 0.02, 0.03, 0.04])
-    assert "node3.z, peak +0.03" in legend(plot.figure)
+    assert "node3.z: +0.03" in legend(plot.figure)
     # Nothing happens further away than 20 rows.
     assert axes.get_xlim() == pytest.approx((-0.2, 0.2))
 
@@ -94,8 +94,9 @@ def test_an_image_of_many_channels():
 
 def test_a_profile_in_which_nothing_happens_is_drawn_whole():
     rng = np.random.default_rng(10)
-    axes = Linear(*rng.normal(size=(2, 400)), max_lag=60).ccf.plot().figure.axes[0]
-    assert axes.get_xlim() == (-60, 60)
+    figure = Linear(*rng.normal(size=(2, 400)), max_lag=60).ccf.plot().figure
+    assert figure.axes[0].get_xlim() == (-60, 60)
+    assert legend(figure) == ["x0: none", "p = 0.05, one lag"]
 
 
 def test_a_matrix(lin):

@@ -61,7 +61,12 @@ class DimensionBenchmark(Benchmark):
         if spectrum.constant:
             still = [names[i] for i in spectrum.constant]
             warnings.append(f"{len(still)} states never change and were left out: {_some(still)}")
-        if not np.isfinite(spectrum.condition_number):
+        if len(x) <= spectrum.n_changing:
+            warnings.append(
+                f"{len(x)} rows show no more than {len(x) - 1} directions of "
+                f"{spectrum.n_changing} states: record for longer"
+            )
+        elif not np.isfinite(spectrum.condition_number):
             warnings.append(
                 "the condition number is infinite: some states are combinations of others, "
                 f"{metrics['numerical_rank']} of {spectrum.n_changing} directions are independent"

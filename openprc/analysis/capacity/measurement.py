@@ -202,10 +202,13 @@ def _in_sample(prepared: Prepared, settings: Settings) -> Capacities:
     basis = state_basis(
         scaled, n_rows=n_rows, dtype=settings.dtype, rank_tolerance=settings.rank_tolerance
     )
+    n_constant = scaled.n_constant
+    # In single precision the basis is a copy; room for targets can be where the states were.
+    del scaled
     targets = TargetRows(terms, prepared.tables, dtype=settings.dtype)
     prepared.metadata.update(
         definition=IN_SAMPLE_DEFINITION,
-        n_constant_states=scaled.n_constant,
+        n_constant_states=n_constant,
         method=basis.method,
         chance_mean=chance_mean(basis.rank, n_rows),
     )

@@ -48,9 +48,11 @@ class DistanceSeries:
         order = np.argsort(series, kind="stable")
         # Distance correlation has no scale; products of tiny or huge numbers would leave float64.
         values = standardized(series)[order]
-        before = np.concatenate([[0.0], np.cumsum(values)[:-1]])
         n = len(values)
-        row_sums = (2.0 * np.arange(n) - n) * values - 2.0 * before + values.sum()
+        # Running sums of many terms, in more digits than float64 where the machine has them.
+        sums = np.cumsum(values, dtype=np.longdouble)
+        row_sums = (2.0 * np.arange(n) - n) * values - 2.0 * (sums - values) + sums[-1]
+        row_sums = row_sums.astype(np.float64)
         return cls(order, values, row_sums)
 
     @cached_property

@@ -178,15 +178,19 @@ def _lines(result: Result, span: slice) -> Figure:
     figure, axes = _figure(7.5, 3.6)
     lags, unit = _lag_axis(result)
     best = peak_columns(result)
+    certain = _certain(result)
     number = 0
     for k, name in enumerate(result.names):
         if name in result.dropped:
             continue
         color = f"C{number}"
         number += 1
-        axes.plot(lags, result.values[k], color=color, linewidth=1.2)
+        peak = certain is None or certain[k, best[k]]
         at = (lags[best[k]], result.values[k, best[k]])
-        axes.plot(*at, "o", color=color, markersize=5, label=f"{name}, peak {_shown(at[0])}")
+        label = f"{name}: {at[0]:+.4g}" if peak else f"{name}: none"
+        axes.plot(lags, result.values[k], color=color, linewidth=1.2, label=label)
+        if peak:
+            axes.plot(*at, "o", color=color, markersize=5)
     if result.threshold is not None:
         # One level for all: of the slowest channel, which is the highest.
         level = float(np.nanmax(result.threshold))
@@ -203,7 +207,7 @@ def _lines(result: Result, span: slice) -> Figure:
         loc="outside right upper",
         frameon=False,
         fontsize="small",
-        title=f"peaks [{unit}]" if number else None,
+        title=f"lag of the peak [{unit}]" if number else None,
     )
     return figure
 
@@ -225,8 +229,7 @@ def _profile_image(result: Result, span: slice) -> Figure:
         extent=(float(shown[0]) - step, float(shown[-1]) + step, n - 0.5, -0.5),
     )
     best = peak_columns(result)
-    # Allowing for all lags of all channels: a peak is the largest of many values.
-    certain = result.significant(_ALPHA, correction="bonferroni") if result.has_test else None
+    certain = _certain(result)
     words = "circles: peaks"
     for k, name in enumerate(result.names):
         inside = shown[0] <= lags[best[k]] <= shown[-1]
@@ -299,18 +302,26 @@ def _with_constant(result: Result, words: str) -> str:
     return "; ".join(filter(None, (words, "grey: constant" if result.dropped else "")))
 
 
+def _certain(result: Result) -> NDArray[np.bool_] | None:
+    """Return what is significant, allowing for all lags of all channels.
+
+    A peak is the largest of many values.
+    """
+    if not result.has_test:
+        return None
+    return result.significant(_ALPHA, correction="bonferroni")
+
+
 def _span(result: Result) -> slice:
     """Return the lags to draw: a range around all that is significant, or all of them.
 
     Far lags at which nothing happens would squeeze the rest into a line.
     """
     whole = slice(0, result.values.shape[1])
-    if not result.has_test or result.lags is None:
+    certain = _certain(result)
+    if certain is None or result.lags is None or not certain.any():
         return whole
-    certain = result.significant(_ALPHA, correction="bonferroni").any(axis=0)
-    if not certain.any():
-        return whole
-    reach = max(_LEAST_REACH, int(1.3 * np.abs(result.lags[certain]).max()))
+    reach = max(_LEAST_REACH, int(1.3 * np.abs(result.lags[certain.any(axis=0)]).max()))
     inside = np.flatnonzero(np.abs(result.lags) <= reach)
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
@@ -318,10 +329,6 @@ def _span(result: Result) -> slice:
 def _lag_axis(result: Result) -> tuple[Array, str]:
     lags = np.asarray(result.lags, dtype=np.float64)
     return (lags, "rows") if result.dt is None else (lags * result.dt, "s")
-
-
-def _shown(lag: float) -> str:
-    return f"{lag:+.4g}"
 
 
 def _wrapped(label: str) -> str:
