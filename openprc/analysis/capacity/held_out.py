@@ -91,7 +91,7 @@ def held_out_readout(
         train=scaled.values.astype(dtype, copy=False),
         test=inner,
         test_total=total,
-        test_gram=np.asarray(inner.T @ inner, dtype=np.float64),
+        test_gram=np.asarray(outside.T @ outside),
         inverse=(left, right),
         shrunk=shrunk,
         rank=left.shape[1],

@@ -45,7 +45,7 @@ class DistanceSeries:
     @classmethod
     def of(cls, series: Array) -> DistanceSeries:
         """Sort a series (T,) that is not constant."""
-        order = np.argsort(series, kind="stable")
+        order = np.argsort(series)  # in whatever order ties come, they are at no distance
         # Distance correlation has no scale; products of tiny or huge numbers would leave float64.
         values = standardized(series)[order]
         n = len(values)

@@ -70,24 +70,24 @@ def _sort_runs(width, ys, xs, rs, yt, xt, rt):
 
 
 @kernel
-def _merge(low, width, ys, xs, rs, yt, xt, rt):
+def _merge(low, width, keys, ys, xs, rs, yt, xt, rt):
     """Merge two runs of equal width from both ends at once, and return the same sum of pairs.
 
     Neither end can leave its run, so nothing is checked; the two do not wait for each other. Of
     random data no processor foresees which run comes next, so there is no jump for it either:
-    the sign of a difference of bits, all ones or all zeros, chooses by masking. Bits of numbers
-    that are not negative are ordered as the numbers are.
+    the sign of a difference of keys, all ones or all zeros, chooses by masking. Keys are the bits
+    of y; those of numbers that are not negative are ordered as the numbers are.
     """
-    keys = ys.view(np.int64)
     i, j = low, low + width
     p, q = low + width - 1, low + 2 * width - 1
     head, tail = low, q
     count, sum_x, sum_y, sum_xy = 0.0, 0.0, 0.0, 0.0
     rest, rest_x, rest_y, rest_xy = float(width), 0.0, 0.0, 0.0
-    for k in range(low, low + width):
-        rest_x += xs[k]
-        rest_y += ys[k]
-        rest_xy += xs[k] * ys[k]
+    for k in range(width):
+        y, x = ys[np.uint64(low + k)], xs[np.uint64(low + k)]
+        rest_x += x
+        rest_y += y
+        rest_xy += x * y
     first = last = 0.0
     for _ in range(width):
         # Unsigned, or an index would be checked for being negative.
@@ -174,10 +174,12 @@ def distance_products(x, a, y, work):
     agreeing = -(size - n) * (n * last_x * last_y - last_x * sum_y - last_y * sum_x + sum_xy)
     agreeing += _sort_runs(width, ys, xs, rs, yt, xt, rt)
     ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
+    keys, other_keys = ys.view(np.int64), yt.view(np.int64)
     while width < size:
         for low in range(0, size, 2 * width):
-            agreeing += _merge(low, width, ys, xs, rs, yt, xt, rt)
+            agreeing += _merge(low, width, keys, ys, xs, rs, yt, xt, rt)
         ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
+        keys, other_keys = other_keys, keys
         width *= 2
     below = row_products = squares = total = 0.0
     for start in range(0, n, 128):

@@ -37,7 +37,7 @@ class OrderedRanks:
     @classmethod
     def of(cls, series: Array) -> OrderedRanks:
         """Sort a series (T,)."""
-        order = np.argsort(series, kind="stable")
+        order = np.argsort(series)
         ordered = series[order]
         new = np.concatenate([[True], ordered[1:] != ordered[:-1], [True]])
         return cls(order, np.flatnonzero(new).astype(np.int64))
