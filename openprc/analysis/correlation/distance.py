@@ -7,10 +7,10 @@ distances, of their products, and of their row sums.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,19 +67,20 @@ class DistanceSeries:
 
 
 @dataclass(frozen=True)
-class DistanceCorrelation:
-    """Both estimates of one pair of series.
+class DistanceCorrelations:
+    """Both estimates of a series with several others.
 
     Attributes
     ----------
-    biased : float
+    biased : (N,) float64
         ``dCor``, from 0 to 1, at least of order T^(-1/4) also without dependence.
-    unbiased : float
+    unbiased : (N,) float64
         ``dCor^2`` with U-centred distances: 0 on average without dependence, may be negative.
+        NaN for a series of which a single row differs from the others.
     """
 
-    biased: float
-    unbiased: float
+    biased: Array
+    unbiased: Array
 
 
 def standardized(series: Array) -> Array:
@@ -89,7 +90,7 @@ def standardized(series: Array) -> Array:
     return np.asarray(centred / centred.std())
 
 
-def distance_correlations(x: DistanceSeries, rows: Array) -> list[DistanceCorrelation]:
+def distance_correlations(x: DistanceSeries, rows: Array) -> DistanceCorrelations:
     """Return the distance correlations of a prepared series with each of the rows (N, T).
 
     Rows are centred and not constant. The biased one is
@@ -98,9 +99,17 @@ def distance_correlations(x: DistanceSeries, rows: Array) -> list[DistanceCorrel
     from openprc.analysis.correlation import kernels  # noqa: PLC0415 - numba, heavy
 
     n = rows.shape[1]
-    work = kernels.workspace(n)
-    found = kernels.channel_products(x.order, x.values, x.row_sums, rows, work)
-    return [_correlation(n, x, sums) for sums in found.tolist()]
+    found = kernels.channel_products(x.order, x.values, x.row_sums, rows, kernels.workspace(n))
+    products, row_products, total, own_rows, squares = found.T
+    both, own = (products, row_products, x.total * total), (squares, own_rows, total**2)
+    biased = _biased(n, both), _biased(n, own), _biased(n, x.own)
+    unbiased = _unbiased(n, both), _unbiased(n, own), _unbiased(n, x.own)
+    # A single row that differs from all others has no U-centred distances left.
+    usable = np.minimum(unbiased[1] / biased[1], unbiased[2] / biased[2]) > LEAST_VARIANCE
+    squared = np.full(len(rows), np.nan)
+    squared[usable] = unbiased[0][usable] / np.sqrt(unbiased[1][usable] * unbiased[2])
+    ratio = biased[0] / np.sqrt(biased[1] * biased[2])
+    return DistanceCorrelations(np.sqrt(np.clip(ratio, 0.0, 1.0)), squared)
 
 
 def reordered(x: DistanceSeries, y: Array, orders: Iterable[NDArray[np.int64]]) -> Array:
@@ -124,19 +133,6 @@ def reordered(x: DistanceSeries, y: Array, orders: Iterable[NDArray[np.int64]]) 
     return np.sqrt(np.clip(squares, 0.0, 1.0))
 
 
-def _correlation(n: int, x: DistanceSeries, sums: Sequence[float]) -> DistanceCorrelation:
-    products, rows, total, own_rows, squares = sums
-    both, own = (products, rows, x.total * total), (squares, own_rows, total**2)
-    scale = math.sqrt(_biased(n, x.own) * _biased(n, own))
-    variances = _unbiased(n, x.own), _unbiased(n, own)
-    unbiased = math.nan
-    # A single row that differs from all others has no U-centred distances left.
-    if min(variances[0] / _biased(n, x.own), variances[1] / _biased(n, own)) > LEAST_VARIANCE:
-        unbiased = _unbiased(n, both) / math.sqrt(variances[0] * variances[1])
-    squared = min(max(_biased(n, both) / scale, 0.0), 1.0)
-    return DistanceCorrelation(math.sqrt(squared), unbiased)
-
-
 def chi2_p_value(unbiased: float, n: int) -> float:
     """Return the p-value of an unbiased squared correlation of distances or kernels.
 
@@ -152,13 +148,13 @@ def _squared_distances(values: Array) -> float:
     return float(2.0 * (len(values) * (values @ values) - values.sum() ** 2))
 
 
-def _biased(n: int, sums: Sums) -> float:
-    """Return dCov^2."""
+def _biased(n: int, sums: tuple[Any, Any, Any]) -> Any:
+    """Return dCov^2, of one pair of series or of several."""
     products, rows, totals = sums
     return products / n**2 - 2.0 * rows / n**3 + totals / n**4
 
 
-def _unbiased(n: int, sums: Sums) -> float:
+def _unbiased(n: int, sums: tuple[Any, Any, Any]) -> Any:
     """Return dCov^2 with U-centred distances."""
     products, rows, totals = sums
     inner = products - 2.0 * rows / (n - 2) + totals / ((n - 1) * (n - 2))

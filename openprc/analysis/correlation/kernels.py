@@ -10,9 +10,11 @@ import numba
 import numpy as np
 
 #: Shorter runs than this are paired and sorted directly, longer ones by merging.
-RUN = 8
+RUN = 4
 #: Samples between the series in the scratch, lest all of them fall into the same cache lines.
 GAP = 168
+#: Place of the sign in 64 bits. It is handed over at run time, see `_merge`.
+SIGN_BIT = 63
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -43,7 +45,9 @@ def workspace(n: int) -> np.ndarray:
     size = width
     while size < n:
         size *= 2
-    return np.empty(6 * (size + GAP))
+    work = np.empty(6 * (size + GAP) + 1)
+    work[-1] = SIGN_BIT
+    return work
 
 
 @kernel
@@ -70,13 +74,14 @@ def _sort_runs(width, ys, xs, rs, yt, xt, rt):
 
 
 @kernel
-def _merge(low, width, keys, ys, xs, rs, yt, xt, rt):
+def _merge(low, width, sign, keys, ys, xs, rs, yt, xt, rt):
     """Merge two runs of equal width from both ends at once, and return the same sum of pairs.
 
     Neither end can leave its run, so nothing is checked; the two do not wait for each other. Of
     random data no processor foresees which run comes next, so there is no jump for it either:
     the sign of a difference of keys, all ones or all zeros, chooses by masking. Keys are the bits
-    of y; those of numbers that are not negative are ordered as the numbers are.
+    of y; those of numbers that are not negative are ordered as the numbers are. `sign` is
+    `SIGN_BIT`: if the compiler knew its value, it would make a jump of the shift.
     """
     i, j = low, low + width
     p, q = low + width - 1, low + 2 * width - 1
@@ -91,7 +96,7 @@ def _merge(low, width, keys, ys, xs, rs, yt, xt, rt):
     first = last = 0.0
     for _ in range(width):
         # Unsigned, or an index would be checked for being negative.
-        right = (keys[np.uint64(j)] - keys[np.uint64(i)]) >> 63
+        right = (keys[np.uint64(j)] - keys[np.uint64(i)]) >> sign
         source, target = np.uint64(i + ((j - i) & right)), np.uint64(head)
         y, x = ys[source], xs[source]
         yt[target], xt[target], rt[target] = y, x, rs[source]
@@ -105,7 +110,7 @@ def _merge(low, width, keys, ys, xs, rs, yt, xt, rt):
         sum_y += weight * y
         sum_xy += weight * x * y
         # From the other end; equal values of the left run come before those of the right one.
-        left = (keys[np.uint64(q)] - keys[np.uint64(p)]) >> 63
+        left = (keys[np.uint64(q)] - keys[np.uint64(p)]) >> sign
         source, target = np.uint64(q + ((p - q) & left)), np.uint64(tail)
         y, x = ys[source], xs[source]
         yt[target], xt[target], rt[target] = y, x, rs[source]
@@ -174,10 +179,11 @@ def distance_products(x, a, y, work):
     agreeing = -(size - n) * (n * last_x * last_y - last_x * sum_y - last_y * sum_x + sum_xy)
     agreeing += _sort_runs(width, ys, xs, rs, yt, xt, rt)
     ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
+    sign = np.int64(work[-1])
     keys, other_keys = ys.view(np.int64), yt.view(np.int64)
     while width < size:
         for low in range(0, size, 2 * width):
-            agreeing += _merge(low, width, keys, ys, xs, rs, yt, xt, rt)
+            agreeing += _merge(low, width, sign, keys, ys, xs, rs, yt, xt, rt)
         ys, yt, xs, xt, rs, rt = yt, ys, xt, xs, rt, rs
         keys, other_keys = other_keys, keys
         width *= 2
@@ -220,8 +226,9 @@ def channel_products(order, x, a, rows, work):
         for k in range(n):
             largest = max(largest, abs(rows[c, k]))
         total = square = 0.0
+        factor = 1.0 / largest
         for k in range(n):
-            y[k] = rows[c, order[k]] / largest
+            y[k] = rows[c, order[k]] * factor
             total += y[k]
             square += y[k] * y[k]
         found[c, :4] = distance_products(x, a, y, work)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from openprc.analysis.correlation import surrogates
 from openprc.analysis.correlation.channels import as_scalar_input, as_states
 from openprc.analysis.correlation.distance import (
-    DistanceCorrelation,
+    DistanceCorrelations,
     DistanceSeries,
     chi2_p_value,
     distance_correlations,
@@ -147,7 +147,7 @@ class Nonparametric:
         return self._result(
             "dcor",
             "distance correlation",
-            [found.biased for found in self._distance],
+            self._distance.biased,
             test=self._distance_test,
             bounds=(0.0, 1.0),
             notes=(
@@ -161,7 +161,7 @@ class Nonparametric:
         """Squared distance correlation from U-centred distances, (N,); 0 on average without
         dependence on white data, and possibly negative.
         """
-        values = [found.unbiased for found in self._distance]
+        values = self._distance.unbiased
         lone = [self._kept_names[k] for k in np.flatnonzero(np.isnan(values))]
         notes = (f"Undefined where a single row differs: {', '.join(lone)}.",) if lone else ()
         return self._result(
@@ -251,7 +251,7 @@ class Nonparametric:
         return DistanceSeries.of(self._x)
 
     @cached_property
-    def _distance(self) -> list[DistanceCorrelation]:
+    def _distance(self) -> DistanceCorrelations:
         return distance_correlations(self._prepared, self._rows)
 
     @cached_property
@@ -298,11 +298,11 @@ class Nonparametric:
         )
 
     def _distance_test(self, k: int) -> float:
-        found = self._distance[k]
+        found = self._distance
         if self.null == "chi2":
-            return chi2_p_value(found.unbiased, self._n)
+            return chi2_p_value(float(found.unbiased[k]), self._n)
         drawn = reordered(self._prepared, self._rows[k], self._orders(k))
-        return self._p_value(k, found.biased, drawn)
+        return self._p_value(k, float(found.biased[k]), drawn)
 
     @cached_property
     def _shifted(self) -> dict[int, ShiftProfile]:
@@ -318,7 +318,7 @@ class Nonparametric:
         self,
         method: str,
         label: str,
-        values: Sequence[float],
+        values: Sequence[float] | Array,
         *,
         test: Callable[[int], float],
         notes: tuple[str, ...] = (),
@@ -328,7 +328,7 @@ class Nonparametric:
             method=method,
             label=label,
             names=self._channels.names,
-            values=self._channels.spread(np.array(values, dtype=np.float64)),
+            values=self._channels.spread(np.asarray(values, dtype=np.float64)),
             tested=partial(self._tested, test),
             dropped=self.dropped,
             notes=notes,

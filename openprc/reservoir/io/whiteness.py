@@ -100,23 +100,20 @@ def drive_whiteness(u: ArrayLike, *, max_lag: int | None = None) -> Whiteness:
     series = np.concatenate([scores, squares[:, many] / spread[many]], axis=1)
     source = [*range(n_columns), *np.flatnonzero(many).tolist()]
     reach = np.abs(series).max(axis=0)
-    present = series.T @ series / n
     n_series = series.shape[1]
     different = np.not_equal.outer(source, source)
     n_tests = max_lag * n_series**2 + int(np.count_nonzero(np.triu(different)))
-    best = (np.inf, 0, 0, 0)
-    for lag in range(max_lag + 1):
-        if lag == 0:
-            excess = np.where(np.triu(different), present, 0.0)
-        else:
-            # Ranks add up to nothing, which correlates them a little; this takes it out again.
-            excess = series[:-lag].T @ series[lag:] / n + (n - lag) / n * present / (n - 1)
-        z = np.abs(excess) * n / np.sqrt(n - lag)
-        log_p = -0.5 * z**2 / (1.0 + np.outer(reach, reach) * z / (3.0 * np.sqrt(n - lag)))
-        a, b = np.unravel_index(int(np.argmin(log_p)), log_p.shape)
-        if (lag > 0 or different.any()) and log_p[a, b] < best[0]:
-            best = (float(log_p[a, b]), lag, int(a), int(b))
-    log_p_best, lag, a, b = best
+    products = _lagged_products(series, max_lag) / n
+    rest = n - np.arange(max_lag + 1)[:, None, None]
+    # Ranks add up to nothing, which correlates them a little; this takes it out again.
+    excess = products + rest / n * products[0] / (n - 1)
+    excess[0] = np.where(np.triu(different), products[0], 0.0)
+    z = np.abs(excess) * n / np.sqrt(rest)
+    log_p = -0.5 * z**2 / (1.0 + np.outer(reach, reach) * z / (3.0 * np.sqrt(rest)))
+    if not different.any():
+        log_p[0] = np.inf
+    lag, a, b = (int(k) for k in np.unravel_index(int(log_p.argmin()), log_p.shape))
+    log_p_best = float(log_p[lag, a, b])
     p_value = float(min(1.0, 2.0 * n_tests * np.exp(max(log_p_best, -700.0))))
     white = p_value > SIGNIFICANCE
     effective = float(n) if white else min(effective_samples(column) for column in values.T)
@@ -203,6 +200,14 @@ def _checked(u: ArrayLike, max_lag: int | None) -> tuple[NDArray[np.float64], in
             key="max_lag",
         )
     return values, int(chosen)
+
+
+def _lagged_products(series: NDArray[np.float64], max_lag: int) -> NDArray[np.float64]:
+    """Return ``sum_t series[t, a] series[t + lag, b]``, (max_lag + 1, S, S)."""
+    size = 1 << int(np.ceil(np.log2(len(series) + max_lag)))
+    spectra = np.fft.rfft(series.T, size)
+    products = [np.fft.irfft(one.conj() * spectra, size)[:, : max_lag + 1] for one in spectra]
+    return np.stack(products).transpose(2, 0, 1)
 
 
 def _scores(column: NDArray[np.float64]) -> NDArray[np.float64]:
