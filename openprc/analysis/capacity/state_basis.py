@@ -150,9 +150,9 @@ class StateBasis:
         """Return ``Q^T z`` (r, k) from ``z @ matrix`` (k, N)."""
         wide = np.asarray(products, dtype=np.float64).T
         if self.method != "qr":
-            from scipy.linalg import solve_triangular
+            from scipy.linalg import blas
 
-            return solve_triangular(self._small, wide, lower=True, check_finite=False)
+            return np.asarray(blas.dtrsm(1.0, self._small, wide, lower=1))
         return self._small.T @ wide
 
     def orthonormal(self) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, combinations_with_replacement
 from math import comb
 
@@ -122,12 +123,12 @@ class Terms:
     def __len__(self) -> int:
         return len(self.degrees)
 
-    @property
+    @cached_property
     def total_degree(self) -> NDArray[np.int64]:
         """Sum of the degrees of the factors, (K,)."""
         return self.degrees.sum(axis=1)
 
-    @property
+    @cached_property
     def max_delay(self) -> NDArray[np.int64]:
         """Largest delay among the factors, (K,) [rows]."""
         return np.where(self.degrees > 0, self.delays, 0).max(axis=1)
@@ -177,11 +178,11 @@ def _multisets(
     starts = np.ones_like(members, dtype=bool)
     starts[:, 1:] = members[:, 1:] != members[:, :-1]
     place = np.cumsum(starts, axis=1) - 1
-    rows = np.broadcast_to(np.arange(n_products)[:, None], members.shape)
-    degrees = np.zeros_like(members)
-    np.add.at(degrees, (rows, place), 1)
+    # The place of each member in the table of factors, counted through row by row.
+    place += degree * np.arange(n_products)[:, None]
+    degrees = np.bincount(place.ravel(), minlength=place.size).reshape(members.shape)
     variable = np.zeros_like(members)
-    variable[rows, place] = members
+    variable.ravel()[place] = members
     delays = (variable // n_inputs + first_delay) * delay_step
     return degrees, np.where(degrees > 0, delays, 0), variable % n_inputs * (degrees > 0)
 
@@ -193,7 +194,11 @@ def _padded(
     width = max(block[0].shape[1] for block in blocks)
     for block in blocks:
         missing = width - block[0].shape[1]
-        yield tuple(np.pad(table, ((0, 0), (0, missing))) for table in block)
+        if missing:
+            room = np.zeros((len(block[0]), missing), dtype=np.int64)
+            yield tuple(np.concatenate([table, room], axis=1) for table in block)
+        else:
+            yield block
 
 
 def _check_budget(delays: Mapping[int, int], delay_step: int, first_delay: int) -> None:

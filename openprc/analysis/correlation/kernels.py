@@ -13,6 +13,9 @@ import numpy as np
 RUN = 4
 #: Samples between the series in the scratch, lest all of them fall into the same cache lines.
 GAP = 168
+#: Sums are made in parts of so many terms, whose rounding errors do not add up to those of one
+#: long sum.
+PART = 128
 #: Place of the sign in 64 bits. It is handed over at run time, see `_merge`.
 SIGN_BIT = 63
 
@@ -93,37 +96,40 @@ def _merge(low, width, sign, keys, ys, xs, rs, yt, xt, rt):
         rest_x += x
         rest_y += y
         rest_xy += x * y
-    first = last = 0.0
-    for _ in range(width):
-        # Unsigned, or an index would be checked for being negative.
-        right = (keys[np.uint64(j)] - keys[np.uint64(i)]) >> sign
-        source, target = np.uint64(i + ((j - i) & right)), np.uint64(head)
-        y, x = ys[source], xs[source]
-        yt[target], xt[target], rt[target] = y, x, rs[source]
-        weight = np.float64(1 + right)
-        head += 1
-        i += 1 + right
-        j -= right
-        first += (1.0 - weight) * (x * (count * y - sum_y) + (sum_xy - y * sum_x))
-        count += weight
-        sum_x += weight * x
-        sum_y += weight * y
-        sum_xy += weight * x * y
-        # From the other end; equal values of the left run come before those of the right one.
-        left = (keys[np.uint64(q)] - keys[np.uint64(p)]) >> sign
-        source, target = np.uint64(q + ((p - q) & left)), np.uint64(tail)
-        y, x = ys[source], xs[source]
-        yt[target], xt[target], rt[target] = y, x, rs[source]
-        weight = np.float64(-left)
-        tail -= 1
-        p += left
-        q -= 1 + left
-        last += (1.0 - weight) * (x * (rest * y - rest_y) + (rest_xy - y * rest_x))
-        rest -= weight
-        rest_x -= weight * x
-        rest_y -= weight * y
-        rest_xy -= weight * x * y
-    return first + last
+    total = 0.0
+    for start in range(0, width, PART):
+        first = last = 0.0
+        for _ in range(start, min(start + PART, width)):
+            # Unsigned, or an index would be checked for being negative.
+            right = (keys[np.uint64(j)] - keys[np.uint64(i)]) >> sign
+            source, target = np.uint64(i + ((j - i) & right)), np.uint64(head)
+            y, x = ys[source], xs[source]
+            yt[target], xt[target], rt[target] = y, x, rs[source]
+            weight = np.float64(1 + right)
+            head += 1
+            i += 1 + right
+            j -= right
+            first += (1.0 - weight) * (x * (count * y - sum_y) + (sum_xy - y * sum_x))
+            count += weight
+            sum_x += weight * x
+            sum_y += weight * y
+            sum_xy += weight * x * y
+            # From the other end; equal values of the left run come before those of the right one.
+            left = (keys[np.uint64(q)] - keys[np.uint64(p)]) >> sign
+            source, target = np.uint64(q + ((p - q) & left)), np.uint64(tail)
+            y, x = ys[source], xs[source]
+            yt[target], xt[target], rt[target] = y, x, rs[source]
+            weight = np.float64(-left)
+            tail -= 1
+            p += left
+            q -= 1 + left
+            last += (1.0 - weight) * (x * (rest * y - rest_y) + (rest_xy - y * rest_x))
+            rest -= weight
+            rest_x -= weight * x
+            rest_y -= weight * y
+            rest_xy -= weight * x * y
+        total += first + last
+    return total
 
 
 @kernel
@@ -163,9 +169,9 @@ def distance_products(x, a, y, work):
     for k in range(n):
         first_y, last_y = min(first_y, y[k]), max(last_y, y[k])
     last_y -= first_y
-    for start in range(0, n, 128):
+    for start in range(0, n, PART):
         part_x, part_y, part_xy = 0.0, 0.0, 0.0
-        for k in range(start, min(start + 128, n)):
+        for k in range(start, min(start + PART, n)):
             yk, xk = y[k] - first_y, x[k]
             ys[k], xs[k], rs[k] = yk, xk, a[k]
             part_x += xk
@@ -188,10 +194,9 @@ def distance_products(x, a, y, work):
         keys, other_keys = other_keys, keys
         width *= 2
     below = row_products = squares = total = 0.0
-    for start in range(0, n, 128):
-        # In parts, whose rounding errors do not add up to those of one long sum.
+    for start in range(0, n, PART):
         part, part_squares, part_total, part_below = 0.0, 0.0, 0.0, 0.0
-        for k in range(start, min(start + 128, n)):
+        for k in range(start, min(start + PART, n)):
             b = (2.0 * k - n) * ys[k] - 2.0 * (below + part_below) + sum_y
             part_below += ys[k]
             part += rs[k] * b
