@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
 from openprc.analysis.capacity import (
     CapacityWarning,
@@ -93,6 +94,17 @@ def test_shifts_keep_chance_low_where_the_beta_distribution_does_not():
     with pytest.warns(CapacityWarning, match="circular shifts"):
         found = memory_capacity(states, u, max_delay=20, alpha=0.05)
     assert found.n_significant == 0
+
+
+def test_what_chance_adds_is_that_of_slow_series_too():
+    """Smoothed noise against other smoothed noise: rank / (T - 1) is far too little to take off."""
+    smooth = gaussian_filter1d(np.random.default_rng(1).normal(size=(2400, 21)), 8, axis=0)
+    u, states = smooth[:, 0], smooth[:, 1:]
+    with pytest.warns(CapacityWarning, match="circular shifts"):
+        found = information_processing_capacity(states, u, delays={1: 12, 2: 6, 3: 3})
+    assert found.n_significant == 0
+    assert (found.raw - 20 / (found.n_rows - 1)).sum() > 1.5
+    assert abs(found.corrected_total) < 0.4
 
 
 def test_held_out_capacities_of_a_slow_drive_are_told():

@@ -74,6 +74,15 @@ def test_the_sums_over_all_pairs(n, kind):
     assert found.unbiased == pytest.approx(expected[1], abs=tolerance)
 
 
+def test_long_skewed_series():
+    # One far sample fills up the last run; the value is the small rest of large sums.
+    rng = np.random.default_rng(2)
+    x, y = rng.exponential(size=(2, 2500)) ** 3
+    found, expected = dcor(x, y), direct(x, y)
+    assert found.biased == pytest.approx(expected[0], abs=1e-11)
+    assert found.unbiased == pytest.approx(expected[1], abs=1e-11)
+
+
 @pytest.mark.parametrize(
     ("rho", "expected", "tolerance"),
     [

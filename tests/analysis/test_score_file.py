@@ -105,7 +105,7 @@ def test_frames_without_symbols(make_run):
             MissingInputError,
             "no input stores the sym",
         ),
-        ({"n_symbols": 3}, {}, TaskError, "washout span|train span|test span|target is constant|none of the"),
+        ({"n_symbols": 3}, {}, TaskError, "train span|test span|target is constant|none of the"),
         (
             {},
             {"split": Split(washout=100.0)},

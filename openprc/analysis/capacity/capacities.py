@@ -49,6 +49,8 @@ class Capacities:
     estimator : {"insample", "heldout"}
     orthonormal : bool
         Whether the targets were made exactly orthonormal, in their order.
+    chance : (K,), optional
+        Mean of each capacity over surrogates, where thresholds come from such.
     metadata : mapping
         How it was done, as plain values.
     warnings : tuple of str
@@ -61,6 +63,7 @@ class Capacities:
     n_rows: int
     estimator: Estimator = "insample"
     orthonormal: bool = False
+    chance: NDArray[np.float64] | None = None
     metadata: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
@@ -73,12 +76,13 @@ class Capacities:
     def corrected(self) -> NDArray[np.float64]:
         """Capacities without what chance adds on average, (K,).
 
-        In-sample ``(C - b) / (1 - b)`` with ``b = rank / (T - 1)``, which is without bias;
-        held-out ones as they are, whose bias is negative and small.
+        In-sample ``(C - b) / (1 - b)`` with ``b = rank / (T - 1)``, which is without bias, or
+        the mean over surrogates for b; held-out ones as they are, whose bias is negative and
+        small.
         """
         if self.estimator == "heldout":
             return self.raw
-        bias = chance_mean(self.rank, self.n_rows)
+        bias = chance_mean(self.rank, self.n_rows) if self.chance is None else self.chance
         return (self.raw - bias) / (1.0 - bias)
 
     @property

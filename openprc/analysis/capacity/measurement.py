@@ -233,12 +233,13 @@ def _in_sample(prepared: Prepared, settings: Settings) -> Capacities:
             return in_sample_capacities(basis, other, span=span)
 
         n_samples = prepared.tables[0].shape[1]
+    chance = None
     if settings.eps is not None or settings.null == "beta":
         thresholds, rule = in_sample_thresholds(
             raw, rank=basis.rank, n_rows=n_rows, settings=settings
         )
     else:
-        thresholds, rule = _by_surrogates(reordered, n_samples, prepared, settings)
+        thresholds, chance, rule = _by_surrogates(reordered, n_samples, prepared, settings)
     prepared.metadata["threshold_rule"] = rule
     return Capacities(
         terms=terms,
@@ -248,6 +249,7 @@ def _in_sample(prepared: Prepared, settings: Settings) -> Capacities:
         n_rows=n_rows,
         estimator="insample",
         orthonormal=exact,
+        chance=chance,
         metadata=prepared.metadata,
         warnings=tuple(prepared.warnings),
     )
@@ -310,7 +312,7 @@ def _held_out(prepared: Prepared, test: RowSpan, settings: Settings) -> Capaciti
         def reordered(order: NDArray[np.intp]) -> NDArray[np.float64]:
             return scored([table[:, order] for table in prepared.tables])
 
-        thresholds, rule = _by_surrogates(
+        thresholds, _, rule = _by_surrogates(
             reordered, prepared.tables[0].shape[1], prepared, settings
         )
     prepared.metadata["threshold_rule"] = rule
@@ -328,8 +330,8 @@ def _held_out(prepared: Prepared, test: RowSpan, settings: Settings) -> Capaciti
 
 def _by_surrogates(
     capacities_of: Any, n_samples: int, prepared: Prepared, settings: Settings
-) -> tuple[NDArray[np.float64], str]:
-    thresholds = surrogate_thresholds(
+) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
+    thresholds, mean = surrogate_thresholds(
         capacities_of,
         n_samples=n_samples,
         kind=settings.null,
@@ -339,9 +341,13 @@ def _by_surrogates(
         alpha=settings.alpha,
         rng=np.random.default_rng(settings.seed),
     )
-    return thresholds, (
-        f"largest of each degree in {settings.n_surrogates} {settings.null} surrogates, "
-        f"alpha = {settings.alpha:g} per degree"
+    return (
+        thresholds,
+        mean,
+        (
+            f"largest of each degree in {settings.n_surrogates} {settings.null} surrogates, "
+            f"alpha = {settings.alpha:g} per degree"
+        ),
     )
 
 

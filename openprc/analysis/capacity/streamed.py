@@ -231,7 +231,7 @@ class _Moments:
             here = slice(chunk.start, chunk.stop)
             self.products[here] += z @ matrix
             self.target_total[here] += z @ np.ones(len(rows), dtype=z.dtype)
-            self.target_power[here] += np.einsum("kt,kt->k", z, z)
+            self.target_power[here] += np.vecdot(z, z)
 
     def capacities(self) -> tuple[NDArray[np.float64], int, int]:
         """Return the capacities (K,), the rank, and how many states never change."""

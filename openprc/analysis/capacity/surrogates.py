@@ -25,8 +25,10 @@ def surrogate_thresholds(
     n_surrogates: int,
     alpha: float,
     rng: np.random.Generator,
-) -> NDArray[np.float64]:
-    """Return a threshold per target, (K,): what chance reaches among targets of its degree.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a threshold per target, (K,), and what each reaches by chance on average, (K,).
+
+    A threshold is what chance reaches among targets of that degree.
 
     For every surrogate the largest capacity within each total degree is kept. Of these
     n + 1 values (the measured one included) a fraction alpha may lie above the threshold, so
@@ -62,16 +64,17 @@ def surrogate_thresholds(
             key="n_surrogates",
         )
     groups = [np.flatnonzero(degrees == degree) for degree in np.unique(degrees)]
-    largest = np.empty((n_surrogates, len(groups)))
+    largest, total = np.empty((n_surrogates, len(groups))), np.zeros(len(degrees))
     orders = _orders(n_samples, kind, guard=guard, count=n_surrogates, rng=rng)
     for row, order in zip(largest, orders, strict=True):
         found = capacities_of(order)
         row[:] = [found[members].max() for members in groups]
+        total += found
     ranked = -np.sort(-largest, axis=0)
     thresholds = np.empty(len(degrees))
     for column, members in enumerate(groups):
         thresholds[members] = ranked[allowed - 1, column]
-    return thresholds
+    return thresholds, total / n_surrogates
 
 
 def _orders(
