@@ -160,7 +160,11 @@ class Linear:
                 " no p-values."
             )
         else:
-            sizes = pair_sizes(found.residuals, found.residuals)
+            # Removing slow channels takes slow parts of the others along, so that residuals
+            # alone seem worth more samples than they are.
+            sizes = np.minimum(
+                pair_sizes(found.residuals, found.residuals), pair_sizes(self._rows, self._rows)
+            )
             p = correlation_p_values(found.values, sizes, conditioned=max(n_kept - 2, 0))
             np.fill_diagonal(p, np.nan)
             sizes = self._channels.spread(self._channels.spread(sizes).T)

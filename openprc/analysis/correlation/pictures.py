@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.analysis.correlation.export import peak_columns
-from openprc.analysis.visualization.time_series import Plot
-from openprc.errors import MissingDependency, TaskError
+from openprc.analysis.visualization.figure import Plot, new_figure
+from openprc.errors import TaskError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,18 +103,7 @@ def _suitable(result: Result) -> tuple[PlotKind, ...]:
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Axes]:
-    try:
-        # The object interface with its own canvas: no window system, no global state.
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingDependency(
-            "matplotlib is not installed",
-            expected="matplotlib, which draws the plots",
-            fix="pip install matplotlib",
-        ) from error
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure((width, height))
     return figure, figure.add_subplot()
 
 

@@ -16,7 +16,7 @@ from openprc.errors import TaskError
 
 if TYPE_CHECKING:
     from openprc.analysis.dimension.spectra import SpectrumKind, StateSpectrum
-    from openprc.analysis.visualization.time_series import Plot
+    from openprc.analysis.visualization.figure import Plot
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from openprc.errors import TaskError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from openprc.analysis.visualization.time_series import Plot
+    from openprc.analysis.visualization.figure import Plot
 
 Array = NDArray[np.float64]
 Correction = Literal["fdr", "bonferroni"]
