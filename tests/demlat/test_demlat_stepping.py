@@ -17,6 +17,9 @@ def held(name, values, *, unit="N"):
     return Signal(name=name, values=values, dt=HOLD, interpolation="hold", unit=unit)
 
 
+_COMPILED_LONG = ("pefrl", "respa", "midpoint")
+
+
 @pytest.fixture(scope="module")
 def symbols():
     return np.random.default_rng(3).uniform(-0.4, 0.4, 24)
@@ -39,7 +42,11 @@ def pushed(lattice, symbols):
     return make
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "verlet", "pefrl", "respa", "midpoint"])
+# Every integrator compiles anew, for up to 20 s.
+@pytest.mark.parametrize(
+    "integrator",
+    ["rk4", "verlet", *(pytest.param(n, marks=pytest.mark.slow) for n in _COMPILED_LONG)],
+)
 def test_it_is_the_whole_run(pushed, simulate, symbols, integrator):
     experiment = replace(pushed(), integrator=integrator)
     whole = simulate(experiment)
@@ -79,6 +86,7 @@ def test_prescribed_positions(pushed, simulate, symbols, integrator):
     assert np.ptp(whole.x[:, 4], axis=0).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_many_elements_and_single_precision(pushed, simulate, symbols):
     """Enough elements to be stepped as vectors, in displacement form."""
     for precision, tolerance in (("float64", 1e-12), ("float32", 1e-7)):
