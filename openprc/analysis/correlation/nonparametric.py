@@ -61,7 +61,9 @@ class Nonparametric:
         `dcor` and `hsic`, take rows for independent of each other: **on a recording they call
         most channels dependent**; they are for white data.
     n_surrogates : int
-        Reorderings drawn. `spearman` and `hsic` with shifts use all shifts instead.
+        Reorderings drawn. `spearman` and `hsic` with shifts use all shifts instead. No p-value
+        is below ``1 / (n_surrogates + 1)``, which a correction for N channels multiplies by up to
+        N: with many channels of which few depend on the input, ask for more.
     max_lag : int, optional
         Largest lag of `hsic_profile` [rows]; by default a quarter of the rows, at most 500.
     dt : float, optional [s]
