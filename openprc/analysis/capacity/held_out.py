@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from openprc.analysis.capacity.in_sample import Sums
-from openprc.analysis.capacity.state_basis import ScaledStates, cholesky, scale_states
+from openprc.analysis.capacity.state_basis import centre_states, cholesky
 from openprc.analysis.capacity.targets import RowSpan, TargetRows, chunks
 from openprc.analysis.capacity.thresholds import check_alpha
 from openprc.errors import TaskError
@@ -68,13 +68,14 @@ def held_out_readout(
             fix="choose one, such as 1e-6",
             key="ridge",
         )
-    scaled = scale_states(states, train)
+    centred = centre_states(states, train)
+    inside = centred.at_unit_norm()
     dtype = np.dtype(dtype)
     hull = states[test.start : test.stop]
     outside = np.subtract(
-        hull if scaled.kept.all() else hull[:, scaled.kept], scaled.mean, dtype=np.float64
+        hull if centred.kept.all() else hull[:, centred.kept], centred.mean, dtype=np.float64
     )
-    outside /= scaled.norm
+    outside /= centred.norm
     if test.usable is not None:
         outside[~test.usable] = 0.0
     total = np.ones(len(outside)) @ outside
@@ -85,10 +86,10 @@ def held_out_readout(
             fix="pass usable= with the rows that were measured completely",
             key="states",
         )
-    left, right, shrunk = _inverse(scaled, ridge=ridge, n_rows=train.n_usable)
+    left, right, shrunk = _inverse(inside, ridge=ridge, n_rows=train.n_usable)
     inner = outside.astype(dtype, copy=False)
     return HeldOutReadout(
-        train=scaled.values.astype(dtype, copy=False),
+        train=inside.astype(dtype, copy=False),
         test=inner,
         test_total=total,
         test_gram=np.asarray(outside.T @ outside),
@@ -99,7 +100,7 @@ def held_out_readout(
 
 
 def _inverse(
-    scaled: ScaledStates, *, ridge: float, n_rows: int
+    states: NDArray[np.floating], *, ridge: float, n_rows: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return W (N, r) and V (r, N), and what the penalty leaves, ``V X^T X V^T`` (r, r).
 
@@ -108,9 +109,9 @@ def _inverse(
     """
     from scipy.linalg import eigh, lapack, qr, svd
 
-    n_states = scaled.values.shape[1]
+    n_states = states.shape[1]
     eps = float(np.finfo(np.float64).eps)
-    gram = scaled.values.T @ scaled.values
+    gram = states.T @ states
     if cholesky(gram)[1] > _SAFE_RCOND:
         # Of full rank beyond doubt: a triangular factor is as good, and costs far less.
         factor, _ = cholesky(gram + ridge * np.eye(n_states))
@@ -123,7 +124,7 @@ def _inverse(
         seen = power > 4 * n_states * eps * power[-1]
         power, vectors = power[seen], vectors[:, seen]
     else:
-        triangle = qr(scaled.values, mode="r", check_finite=False)[0][:n_states]
+        triangle = qr(states, mode="r", check_finite=False)[0][:n_states]
         _, sizes, across = svd(triangle, full_matrices=False, check_finite=False)
         seen = sizes > max(n_rows, n_states) * eps * sizes[0]
         power, vectors = sizes[seen] ** 2, across[seen].T

@@ -30,7 +30,7 @@ from openprc.analysis.capacity.in_sample import (
 )
 from openprc.analysis.capacity.polynomials import polynomial_rows
 from openprc.analysis.capacity.settings import Rows, Settings
-from openprc.analysis.capacity.state_basis import RANK_RULE, scale_states, state_basis
+from openprc.analysis.capacity.state_basis import RANK_RULE, centre_states, state_basis
 from openprc.analysis.capacity.surrogates import surrogate_thresholds
 from openprc.analysis.capacity.targets import RowSpan, TargetRows
 from openprc.analysis.capacity.terms import Terms
@@ -198,13 +198,13 @@ def polynomial_tables(
 def _in_sample(prepared: Prepared, settings: Settings) -> Capacities:
     span, terms = prepared.fit, prepared.terms
     n_rows = span.n_usable
-    scaled = scale_states(prepared.states, span)
+    centred = centre_states(prepared.states, span)
     basis = state_basis(
-        scaled, n_rows=n_rows, dtype=settings.dtype, rank_tolerance=settings.rank_tolerance
+        centred, n_rows=n_rows, dtype=settings.dtype, rank_tolerance=settings.rank_tolerance
     )
-    n_constant = scaled.n_constant
+    n_constant = centred.n_constant
     # In single precision the basis is a copy; room for targets can be where the states were.
-    del scaled
+    del centred
     targets = TargetRows(terms, prepared.tables, dtype=settings.dtype)
     prepared.metadata.update(
         definition=IN_SAMPLE_DEFINITION,

@@ -31,13 +31,13 @@ _LITTLE_ROUNDING = 1e-8
 
 
 @dataclass(frozen=True)
-class ScaledStates:
-    """States without their mean and their size.
+class CentredStates:
+    """States without their mean, and their size.
 
-    ``values`` (n, N) have zero mean and unit norm in every column over the usable rows, and
-    are zero in the others; ``kept`` (F,) flags the columns that vary; ``mean`` and ``norm``
-    (N,) undo the scaling. ``rounding`` is what the precision of the stored numbers adds to the
-    singular values: columns that differ by less are copies.
+    ``values`` (n, N) have zero mean in every column over the usable rows, and are zero in the
+    others; ``kept`` (F,) flags the columns that vary; ``mean`` and ``norm`` (N,) are those of
+    the columns kept. ``rounding`` is what the precision of the stored numbers adds to the
+    singular values of columns at unit norm: columns that differ by less are copies.
     """
 
     values: NDArray[np.float64]
@@ -51,9 +51,14 @@ class ScaledStates:
         """Columns that never change, and were left out."""
         return int(np.count_nonzero(~self.kept))
 
+    def at_unit_norm(self, dtype: DTypeLike = np.float64) -> NDArray[np.floating]:
+        """Return every column divided by its norm."""
+        room = np.empty(self.values.shape, dtype=dtype)
+        return np.divide(self.values, self.norm, out=room, casting="same_kind")
 
-def scale_states(states: NDArray[np.floating], span: RowSpan) -> ScaledStates:
-    """Centre and scale the rows of a span, leaving out columns that never change.
+
+def centre_states(states: NDArray[np.floating], span: RowSpan) -> CentredStates:
+    """Centre the rows of a span, leaving out columns that never change.
 
     Raises
     ------
@@ -87,12 +92,11 @@ def scale_states(states: NDArray[np.floating], span: RowSpan) -> ScaledStates:
         )
     if not kept.all():
         values, mean, norm = np.ascontiguousarray(values[:, kept]), mean[kept], norm[kept]
-    values /= norm
     stored = np.finfo(states.dtype).eps if states.dtype.kind == "f" else 0.0
     eps = max(float(stored), float(np.finfo(np.float64).eps))
     # The largest number of a column is near its mean wherever rounding matters.
     rounding = eps * float(np.linalg.norm(np.sqrt(n) * np.abs(mean) / norm + 1.0))
-    return ScaledStates(values, kept, mean, norm, rounding)
+    return CentredStates(values, kept, mean, norm, rounding)
 
 
 def _centred(
@@ -133,6 +137,8 @@ class StateBasis:
     Parameters
     ----------
     matrix : (n, N)
+    norm : (N,) or None
+        What its columns are to be divided by.
     rank : int
         r.
     method : {"cholesky", "cholesky twice", "qr"}
@@ -141,6 +147,7 @@ class StateBasis:
     """
 
     matrix: NDArray[np.floating]
+    norm: NDArray[np.float64] | None
     rank: int
     method: str
     rcond: float
@@ -149,6 +156,8 @@ class StateBasis:
     def coordinates(self, products: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return ``Q^T z`` (r, k) from ``z @ matrix`` (k, N)."""
         wide = np.asarray(products, dtype=np.float64).T
+        if self.norm is not None:
+            wide = wide / self.norm[:, None]
         if self.method != "qr":
             from scipy.linalg import blas
 
@@ -161,13 +170,13 @@ class StateBasis:
 
 
 def state_basis(
-    scaled: ScaledStates,
+    centred: CentredStates,
     *,
     n_rows: int,
     dtype: DTypeLike = np.float64,
     rank_tolerance: float | None = None,
 ) -> StateBasis:
-    """Return the basis of scaled states.
+    """Return the basis of centred states, whose columns are brought to unit norm.
 
     A Cholesky factor of the Gram matrix where it is well conditioned; the same again, of the
     whitened states, where it is badly conditioned; else a QR factorisation and the singular
@@ -175,7 +184,7 @@ def state_basis(
 
     Parameters
     ----------
-    scaled : ScaledStates
+    centred : CentredStates
     n_rows : int
         Rows that count.
     dtype : dtype
@@ -190,37 +199,36 @@ def state_basis(
     """
     from scipy.linalg import blas, qr, svd
 
-    values = scaled.values
-    n_states = values.shape[1]
+    n_states = centred.values.shape[1]
     dtype = np.dtype(dtype)
     rcond = 0.0
-    if n_states < n_rows - 1 and rank_tolerance is None and scaled.rounding < _LITTLE_ROUNDING:
-        factor, rcond = cholesky(gram_of(values))
+    if n_states < n_rows - 1 and rank_tolerance is None and centred.rounding < _LITTLE_ROUNDING:
+        gram = gram_of(centred.values) / centred.norm / centred.norm[:, None]
+        factor, rcond = cholesky(gram)
         if rcond > _SAFE_RCOND:
-            matrix = values.astype(dtype, copy=False)
-            return StateBasis(matrix, n_states, "cholesky", rcond, factor)
+            # Single precision has no room for columns of any size.
+            whole = dtype == np.float64
+            matrix = centred.values if whole else centred.at_unit_norm(dtype)
+            norm = centred.norm if whole else None
+            return StateBasis(matrix, norm, n_states, "cholesky", rcond, factor)
         if rcond > _TWICE_RCOND:
             # Cholesky QR 2 (Yamamoto et al. 2015, Electron. Trans. Numer. Anal. 44, 306).
-            white = blas.dtrsm(1.0, factor, values.T, lower=1).T
+            white = blas.dtrsm(1.0, factor, centred.at_unit_norm().T, lower=1).T
             factor, _ = cholesky(gram_of(white))
             matrix = white.astype(dtype, copy=False)
-            return StateBasis(matrix, n_states, "cholesky twice", rcond, factor)
-    orthogonal, triangle = qr(values, mode="economic", check_finite=False)
+            return StateBasis(matrix, None, n_states, "cholesky twice", rcond, factor)
+    orthogonal, triangle = qr(centred.at_unit_norm(), mode="economic", check_finite=False)
     left, sizes, _ = svd(triangle, full_matrices=False, check_finite=False)
     limit = float(sizes[0]) * max(n_rows, n_states) * float(np.finfo(np.float64).eps)
-    limit = (
-        max(limit, scaled.rounding) if rank_tolerance is None else rank_tolerance * float(sizes[0])
-    )
+    if rank_tolerance is None:
+        limit = max(limit, centred.rounding)
+    else:
+        limit = rank_tolerance * float(sizes[0])
     rank = int(np.count_nonzero(sizes > limit))
     if rank >= n_rows - 1:
         raise too_few_rows(n_rows, rank)
-    return StateBasis(
-        orthogonal.astype(dtype, copy=False),
-        rank,
-        "qr",
-        rcond,
-        np.ascontiguousarray(left[:, :rank]),
-    )
+    matrix = orthogonal.astype(dtype, copy=False)
+    return StateBasis(matrix, None, rank, "qr", rcond, np.ascontiguousarray(left[:, :rank]))
 
 
 def gram_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
