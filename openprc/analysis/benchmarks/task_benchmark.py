@@ -177,7 +177,7 @@ def _target(
             f"{task.name} brings an input of its own",
             expected="the data that the body was driven with",
             fix="data = task.generate(n, rng=seed), drive the body with data.input, and pass "
-            "data=data here"
+            "data=data here (--seed on the command line)"
             if task.kind == "own-input"
             else "close the loop: see openprc.reservoir.training.closed_loop",
             key="data",
