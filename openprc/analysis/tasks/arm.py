@@ -54,7 +54,12 @@ class TwoLinkArm:
         for key in ("lengths", "masses"):
             pair = tuple(getattr(self, key))
             if len(pair) != 2:
-                raise TaskError(f"{key} is {pair!r}", expected="two numbers", key=key)
+                raise TaskError(
+                    f"{key} is {pair!r}",
+                    expected="two numbers",
+                    fix="give one for each link",
+                    key=key,
+                )
             object.__setattr__(self, key, tuple(positive_number(value, key) for value in pair))
         positive_number(self.damping, "damping", zero=True)
         positive_number(self.gravity, "gravity", zero=True)
@@ -176,7 +181,12 @@ class InverseArmTask(SourcedTask):
         positive_number(self.dt, "dt")
         positive_number(self.amplitude, "amplitude")
         if not self.frequencies:
-            raise TaskError("no frequencies", expected="at least one", key="frequencies")
+            raise TaskError(
+                "no frequencies",
+                expected="at least one",
+                fix="name the frequencies of the path",
+                key="frequencies",
+            )
         for frequency in self.frequencies:
             positive_number(frequency, "frequencies")
 

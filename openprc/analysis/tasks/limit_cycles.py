@@ -161,7 +161,12 @@ class LissajousTask(GenerationTask):
         positive_number(self.period, "period")
         pair = tuple(self.ratio)
         if len(pair) != 2:
-            raise TaskError(f"ratio is {pair!r}", expected="two whole numbers", key="ratio")
+            raise TaskError(
+                f"ratio is {pair!r}",
+                expected="two whole numbers",
+                fix="such as (1, 2)",
+                key="ratio",
+            )
         a, b = (positive_count(value, "ratio") for value in pair)
         if math.gcd(a, b) != 1:
             raise TaskError(

@@ -111,9 +111,16 @@ def run_closed_loop(
         `teacher_forced_states` does.
     """
     if n_steps < 1:
-        raise TaskError(f"{n_steps} steps", expected="at least 1", key="n_steps")
+        raise TaskError(
+            f"{n_steps} steps", expected="at least 1", fix="ask for some", key="n_steps"
+        )
     if on_divergence not in ("raise", "mark"):
-        raise TaskError(repr(on_divergence), expected="'raise' or 'mark'", key="on_divergence")
+        raise TaskError(
+            f"on_divergence is {on_divergence!r}",
+            expected="'raise' or 'mark'",
+            fix="choose one of these",
+            key="on_divergence",
+        )
     series = as_series(warm_up, "warm_up")
     warm = teacher_forced_states(body, series, feedback=feedback, reset=reset)
     predict = predictor(readout, n_states=warm.shape[1], n_outputs=series.shape[1])
@@ -152,7 +159,9 @@ class _Guard:
 
     def __init__(self, series: Reals, limit: float) -> None:
         if not limit > 0.0:
-            raise TaskError(f"a limit of {limit:g}", expected="a number above 0", key="limit")
+            raise TaskError(
+                f"a limit of {limit:g}", expected="a number above 0", fix="leave 10", key="limit"
+            )
         low, high = series.min(axis=0), series.max(axis=0)
         self.middle = 0.5 * (low + high)
         half = 0.5 * (high - low)

@@ -95,6 +95,7 @@ def force_train(
         raise TaskError(
             f"washout={washout}, forced={forced}, every={every}",
             expected="at least 0, 2 and 1 rows",
+            fix="correct it",
             key="washout" if washout < 0 else "forced" if forced < 2 else "every",
         )
     start = washout + forced

@@ -77,6 +77,7 @@ def as_series(values: ArrayLike, name: str, *, least: int = 1) -> Reals:
         raise TaskError(
             f"{name} of shape {np.shape(values)}",
             expected=f"(K,) or (K, O) with K of at least {least}",
+            fix="pass a longer series, one row a symbol",
             key=name,
         )
     bad = np.flatnonzero(~np.isfinite(series).all(axis=1))
@@ -121,7 +122,9 @@ def teacher_forced_states(
     """
     series = as_series(teacher, "teacher")
     if noise < 0.0:
-        raise TaskError(f"noise of {noise:g}", expected="0 or more", key="noise")
+        raise TaskError(
+            f"noise of {noise:g}", expected="0 or more", fix="leave it at 0", key="noise"
+        )
     if noise > 0.0:
         rng = np.random.default_rng(seed)
         series = series + noise * series.std(axis=0) * rng.standard_normal(series.shape)
@@ -187,7 +190,9 @@ def fit_generator(
         When a series is shorter than the washout and three rows more, or otherwise unfit.
     """
     if washout < 0:
-        raise TaskError(f"a washout of {washout}", expected="0 or more rows", key="washout")
+        raise TaskError(
+            f"a washout of {washout}", expected="0 or more rows", fix="correct it", key="washout"
+        )
     several = isinstance(teacher, list | tuple) and isinstance(teacher[0], np.ndarray)
     rng = np.random.default_rng(seed)
     states, targets = [], []
