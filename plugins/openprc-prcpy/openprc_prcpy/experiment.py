@@ -21,7 +21,7 @@ from openprc_prcpy.file_names import (
     visible_files,
 )
 from openprc_prcpy.parameters import ProcessParameters
-from openprc_prcpy.processing import process, stack
+from openprc_prcpy.processing import process, stack, with_an_axis
 from openprc_prcpy.table import Sweep, read_sweep
 
 Gaps = Literal["error", "close"]
@@ -146,12 +146,14 @@ def read_prcpy(
         folder, prefix, background=parameters.bg_fname, transpose=parameters.transpose
     )
     remarks = [selection.remark()]
-    sweeps = _read_all(folder, selection, parameters)
+    raw = _read_all(folder, selection, parameters)
+    sweeps, remark = with_an_axis(raw)
+    remarks.append(remark)
     xs = sweeps[0].xs
     values, remark = stack(sweeps, folder=folder)
     remarks.append(remark)
     files = tuple(item.name for item in selection.files)
-    background, path = _background(folder, parameters, sweeps[0])
+    background, path = _background(folder, parameters, raw[0])
     values, rows = process(
         values, xs, parameters=parameters, background=background, names=files, folder=folder
     )

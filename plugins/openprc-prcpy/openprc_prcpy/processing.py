@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,24 @@ from openprc_prcpy.table import Sweep
 
 #: Axes of two files may differ by this share of a step: rounding, not another grid.
 _GRID_TOLERANCE = 0.5
+#: What rows are called that have no axis of their own.
+ROW = "row"
+
+
+def with_an_axis(sweeps: Sequence[Sweep]) -> tuple[list[Sweep], str | None]:
+    """Count the rows of files whose axis does not run, and say so.
+
+    A column that is one number all along each file, such as the number of the device, is no
+    axis.
+    """
+    if len(sweeps[0].xs) < 2 or any(np.ptp(sweep.xs) > 0 for sweep in sweeps):
+        return list(sweeps), None
+    rows = np.arange(len(sweeps[0].xs), dtype=np.float64)
+    remark = (
+        f"{sweeps[0].xs_name!r} is one number all along each file ({sweeps[0].xs[0]:g} in "
+        f"{sweeps[0].path.name}) and no axis, so the rows are counted"
+    )
+    return [replace(one, xs=rows[: len(one.xs)], xs_name=ROW) for one in sweeps], remark
 
 
 def stack(sweeps: Sequence[Sweep], *, folder: Path) -> tuple[NDArray[np.float64], str | None]:

@@ -93,11 +93,16 @@ def _alike(tables: list[tuple[tuple[str, ...], NDArray[np.float64]] | None]) -> 
     if any(places <= lower for places in _PLACES):
         return False
     shared = np.ptp(values, axis=0) > 0
+    # Recordings of devices may carry the number of the device where others have their axis.
+    still, numbered = ~shared, np.zeros(len(names), dtype=bool)
     differs = np.zeros(len(names), dtype=bool)
     for table in tables[1:]:
         if table is None or table[0] != names or table[1].shape != values.shape:
             return False
         same = (table[1] == values).all(axis=0)
         shared &= same
-        differs |= ~same
-    return bool(shared.any() and differs.any())
+        moves = np.ptp(table[1], axis=0) > 0
+        still &= ~moves
+        numbered |= ~same & ~moves
+        differs |= ~same & moves
+    return bool((shared.any() or (still & numbered).any()) and differs.any())

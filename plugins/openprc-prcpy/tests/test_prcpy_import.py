@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from openprc_prcpy import openprc_extensions, openprc_producers, read_prcpy, samples
 from openprc_prcpy.extension import check
+from openprc_prcpy.importer import Importer
 
 from openprc.schema import Provenance, Trajectory, TrajectoryWriter, validate_file
 
@@ -178,3 +179,19 @@ def test_the_python_of_the_readme_runs(sample, monkeypatch):
     np.testing.assert_array_equal(names["data"].states, again.states)
     assert again.states.shape == (300, 4)
     np.testing.assert_array_equal(names["data"].input, samples.fields())
+
+
+def test_a_number_of_the_device_is_no_axis(folder, write, run_import):
+    """Recordings of devices whose first column is the device, row after row."""
+    for k in range(1, 13):
+        write(f"scan_{k}.txt", delimiter="\t", t=[k, k, k, k], Voltage=[0.1, 0.4 * k, 0.2, -k])
+    params = {"Xs": "t", "Readouts": "Voltage", "transpose": True}
+    data = read_prcpy(folder, "scan", params)
+    assert data.states.shape == (4, 12)
+    np.testing.assert_array_equal(data.states[3], -np.arange(1.0, 13.0))
+    np.testing.assert_array_equal(data.xs, [0, 1, 2, 3])
+    assert any("'t' is one number all along each file (1 in scan_1.txt)" in r for r in data.remarks)
+    assert Importer().sniff(folder) == 0.7
+    run = run_import(folder, transpose=True, xs="t", readouts="Voltage")
+    assert run.time_kind == "pseudo"
+    assert "the rows are counted" in notes(run)
