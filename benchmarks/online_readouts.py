@@ -21,19 +21,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peers.asking import PeerProcess
 from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
@@ -45,45 +44,20 @@ from openprc.reservoir.readout.rls import RLS
 from openprc.reservoir.readout.triangular import TriangularFactor
 from openprc.schema import load_experiment
 
-HERE = Path(__file__).parent
 PENALTY, FORGETTING, N_ROWS = 1e-6, 1.0, 3000
 PEER = "reservoirpy RLS"
 
 
-class Peer:
+class Peer(PeerProcess):
     """reservoirpy in a process of its own."""
 
     def __init__(self, python: Path, folder: Path) -> None:
         self.out = folder / "weights.npy"
-        self.child = subprocess.Popen(
-            [python, "-m", "peers.reservoirpy_rls", folder / "rows.npz", self.out],
-            cwd=HERE,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self._answer()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.child.communicate()
+        super().__init__(python, "peers.reservoirpy_rls", folder / "rows.npz", self.out)
 
     def __call__(self) -> tuple[float, NDArray[np.float64]]:
         """Return the CPU time of all rows [s], and bias and weights."""
-        assert self.child.stdin is not None
-        self.child.stdin.write("fit\n")
-        self.child.stdin.flush()
-        return float(self._answer()["cpu_s"]), np.load(self.out)
-
-    def _answer(self) -> dict[str, Any]:
-        assert self.child.stdout is not None
-        for line in self.child.stdout:
-            if line.startswith("{"):
-                return json.loads(line)
-        raise SystemExit("the peer ended; see its message above")
+        return float(self.ask("fit")["cpu_s"]), np.load(self.out)
 
 
 def timed(call: Callable[[], NDArray[np.float64]]) -> tuple[float, NDArray[np.float64]]:

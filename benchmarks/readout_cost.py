@@ -22,18 +22,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
+from peers.asking import PeerProcess
 from rich.console import Console
 from rich.table import Table
 from scipy.linalg import svd
@@ -48,7 +47,6 @@ from openprc.reservoir import Ridge, Split, StateLoader, Trainer
 from openprc.reservoir.training.cross_validation import choose_regularization
 from openprc.schema import Provenance, TrajectoryWriter
 
-HERE = Path(__file__).parent
 SIZES = ("10000x100", "10000x300", "10000x1000", "100000x100", "100000x300")
 CV_SIZES = ("20000x100", "20000x300")
 PENALTY = 1e-6
@@ -72,42 +70,18 @@ class Given:
         return [f"x{k}" for k in range(self.matrix.shape[1])]
 
 
-class Peer:
+class Peer(PeerProcess):
     """reservoirpy in a process of its own."""
 
     name = "reservoirpy Ridge.fit"
 
     def __init__(self, python: Path, folder: Path) -> None:
         self.out = folder / "prediction.npy"
-        self.child = subprocess.Popen(
-            [python, "-m", "peers.reservoirpy_ridge", folder / "states.npz", self.out],
-            cwd=HERE,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self._answer()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.child.communicate()
+        super().__init__(python, "peers.reservoirpy_ridge", folder / "states.npz", self.out)
 
     def __call__(self) -> float:
         """Return the CPU time of one fit [s]."""
-        assert self.child.stdin is not None
-        self.child.stdin.write("fit\n")
-        self.child.stdin.flush()
-        return float(self._answer()["cpu_s"])
-
-    def _answer(self) -> dict[str, Any]:
-        assert self.child.stdout is not None
-        for line in self.child.stdout:
-            if line.startswith("{"):
-                return json.loads(line)
-        raise SystemExit("the peer ended; see its message above")
+        return float(self.ask("fit")["cpu_s"])
 
 
 def make_states(n: int, width: int, *, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
