@@ -150,3 +150,15 @@ def test_a_split_that_is_too_long_is_refused(make_run):
         pytest.raises(TaskError, match="24 s of states"),
     ):
         StandardSuite().run(trainer)
+
+
+def test_long_recordings_are_thinned_for_the_costly_part(loaded, symbols, monkeypatch):
+    trainer, _ = loaded()
+    whole = InputCorrelation(n_surrogates=19).run(trainer, symbols)
+    assert whole.metadata["n_rows_dcor"] == whole.metadata["n_rows"] == 550
+    monkeypatch.setattr("openprc.analysis.benchmarks.diagnosis.MOST_ROWS", 200)
+    thin = InputCorrelation(n_surrogates=19).run(trainer, symbols)
+    assert thin.metadata["n_rows_dcor"] == 184
+    np.testing.assert_array_equal(thin.metrics["pearson"], whole.metrics["pearson"])
+    apart = np.abs(thin.metrics["dcor"] - whole.metrics["dcor"])[1:]
+    assert 0 < apart.max() < 0.15
