@@ -44,8 +44,9 @@ class Ridge(MultiOutputMixin, RegressorMixin, BaseEstimator):
         about the mean, so that it also keeps it when the states are rescaled. On states
         of unit variance the last two agree.
     precision : {"float64", "float32"}
-        In which products of states are formed. ``float32`` takes about half the time and leaves
-        relative errors of 1e-7 in them, which small penalties on collinear states enlarge.
+        In which products of states are formed. ``float32`` is faster on many rows (see
+        benchmarks/readout_cost.py) and leaves relative errors of 1e-7 in them, which small
+        penalties on collinear states enlarge.
 
     Attributes
     ----------
