@@ -62,6 +62,7 @@ def _producer(item: Any) -> dict[str, Any]:
         "state": availability(spec),
         "install": spec.install,
         "options": {option.name: option.help for option in spec.options},
+        "run_options": {option.name: option.help for option in spec.run_options},
         "citation": spec.citation,
     }
 

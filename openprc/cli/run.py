@@ -16,6 +16,7 @@ from openprc.cli.console import (
     table,
 )
 from openprc.cli.import_run import show_run
+from openprc.cli.options import parse_pairs
 from openprc.hooks.running import plan_experiment, run_experiment
 
 
@@ -26,6 +27,14 @@ from openprc.hooks.running import plan_experiment, run_experiment
     "--out", type=click.Path(path_type=Path), help="Default: FOLDER/output/simulation.h5."
 )
 @click.option("--integrator", help="Instead of the one in config.json.")
+@click.option(
+    "-o",
+    "--option",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Option of the producer; repeat it for several.",
+)
 @click.option("--seed", type=int, help="For producers that draw random numbers.")
 @click.option("--plan", "only_plan", is_flag=True, help="Say what a run would do; run nothing.")
 @force_option
@@ -35,6 +44,7 @@ def command(
     producer: str,
     out: Path | None,
     integrator: str | None,
+    options: tuple[str, ...],
     seed: int | None,
     only_plan: bool,
     force: bool,
@@ -50,6 +60,7 @@ def command(
             out,
             producer=producer,
             integrator=integrator,
+            options=parse_pairs(options),
             seed=seed,
             overwrite=force,
             progress=progress,

@@ -27,7 +27,9 @@ from openprc.hooks.specs import (
 _LAZY = {
     "Registry": "openprc.hooks.registry",
     "default_registry": "openprc.hooks.registry",
+    "export_file": "openprc.hooks.exporting",
     "import_file": "openprc.hooks.importing",
+    "record_run": "openprc.hooks.recording",
     "run_experiment": "openprc.hooks.running",
 }
 
@@ -48,8 +50,10 @@ __all__ = [
     "Sample",
     "TaskSpec",
     "default_registry",
+    "export_file",
     "hookimpl",
     "import_file",
+    "record_run",
     "run_experiment",
 ]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from openprc.errors import PluginError, ResultExists
 from openprc.hooks.faults import owned_by
-from openprc.hooks.registry import Registry, default_registry
+from openprc.hooks.options import check_options
+from openprc.hooks.registry import Registered, Registry, default_registry
 from openprc.schema.atomic import publish, refuse_existing
 from openprc.schema.trajectory import Trajectory
 
@@ -19,6 +21,7 @@ def export_file(
     out: str | Path,
     *,
     to: str | None = None,
+    options: Mapping[str, Any] | None = None,
     overwrite: bool = False,
     registry: Registry | None = None,
 ) -> tuple[Path, ...]:
@@ -31,14 +34,20 @@ def export_file(
     out : path-like
         The file to write; an exporter that writes several puts the others beside it.
     to : str, optional
-        The exporter; by default the one named like the ending of `out`.
+        The exporter; by default the one that the ending of `out` names.
+    options : mapping, optional
+        Options of that exporter (`ExporterSpec.options`).
     overwrite : bool
         Replace existing files, once all of them are written; never the trajectory.
 
     Raises
     ------
-    UnknownName
-        When there is no such exporter.
+    UnknownName, AmbiguousName
+        When there is no such exporter, or more than one.
+    ConfigError
+        When an option is unknown or has a wrong value.
+    MissingDependency
+        When the exporter needs a package that is not installed.
     ResultExists
         When a file is there and `overwrite` is false.
     PluginError
@@ -46,7 +55,8 @@ def export_file(
     """
     path, out = Path(path), Path(out)
     registry = registry or default_registry()
-    item = registry.find("openprc_exporters", to or out.suffix.lstrip(".").lower() or out.name)
+    item = _chosen(registry, to, out)
+    values = check_options(item.spec, item.spec.options, options or {})
     if not overwrite:
         refuse_existing(out)
     if out.exists() and path.exists() and out.samefile(path):
@@ -60,7 +70,10 @@ def export_file(
     with Trajectory(path) as trajectory, _scratch_beside(out) as folder:
         with owned_by(item.qualified_name, f"exporting {path.name}", file=str(path)):
             exporter = registry.load(item)()
-            made = [Path(file) for file in exporter.export(trajectory, folder / out.name)]
+            given = {**values, "final": out}
+            made = [
+                Path(file) for file in exporter.export(trajectory, folder / out.name, options=given)
+            ]
         stray = [file for file in made if file.parent != folder or not file.is_file()]
         if stray or not made:
             raise PluginError(
@@ -76,6 +89,16 @@ def export_file(
         for file, target in zip(made, targets, strict=True):
             publish(file, target)
     return tuple(targets)
+
+
+def _chosen(registry: Registry, to: str | None, out: Path) -> Registered:
+    """Return the exporter named `to`, or the one that the ending of `out` names."""
+    name = out.name.lower()
+    if to is None:
+        for item in registry.records("openprc_exporters"):
+            if name.endswith(item.spec.suffixes):
+                return registry.find("openprc_exporters", item.name)
+    return registry.find("openprc_exporters", to or out.suffix.lstrip(".").lower() or out.name)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Options of importers: text from the command line or values from Python, checked once."""
+"""Options of importers, runners and exporters: text from the command line or values from Python, checked once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from openprc.errors import ConfigError
-from openprc.hooks.specs import OptionSpec, ProducerSpec
+from openprc.hooks.specs import ExporterSpec, OptionSpec, ProducerSpec
 
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
 
@@ -17,14 +17,30 @@ _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
 def resolve_options(
     spec: ProducerSpec, given: Mapping[str, Any], *, trust: bool = False
 ) -> dict[str, Any]:
-    """Return every option of a producer, defaults filled in and values of the stated kind.
+    """Return every option of an importer, defaults filled in and values of the stated kind.
 
     Raises
     ------
     ConfigError
         When an option is unknown (the nearest known one is named) or has a wrong value.
     """
-    known = {option.name: option for option in spec.options}
+    values = check_options(spec, spec.options, given)
+    if spec.trusts_pickle:
+        values["trust"] = bool(trust)
+    return values
+
+
+def check_options(
+    spec: ProducerSpec | ExporterSpec, options: tuple[OptionSpec, ...], given: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return every one of `options`, defaults filled in and values of the stated kind.
+
+    Raises
+    ------
+    ConfigError
+        When an option is unknown (the nearest known one is named) or has a wrong value.
+    """
+    known = {option.name: option for option in options}
     for name in given:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
@@ -34,13 +50,10 @@ def resolve_options(
                 fix=f"did you mean {near[0]!r}?" if near else "leave it out",
                 key=name,
             )
-    values = {name: _value(spec, option, given.get(name)) for name, option in known.items()}
-    if spec.trusts_pickle:
-        values["trust"] = bool(trust)
-    return values
+    return {name: _value(spec, option, given.get(name)) for name, option in known.items()}
 
 
-def _value(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
+def _value(spec: ProducerSpec | ExporterSpec, option: OptionSpec, given: Any) -> Any:
     if given is None:
         return option.default if not option.multiple else tuple(option.default or ())
     if option.multiple:
@@ -53,7 +66,7 @@ def _value(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
     return _one(spec, option, given)
 
 
-def _one(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
+def _one(spec: ProducerSpec | ExporterSpec, option: OptionSpec, given: Any) -> Any:
     if option.choices and str(given) not in option.choices:
         raise _wrong(spec, option, repr(given), "one of " + ", ".join(option.choices))
     if option.kind == "str":
@@ -70,7 +83,7 @@ def _one(spec: ProducerSpec, option: OptionSpec, given: Any) -> Any:
     return _number(spec, option, given)
 
 
-def _number(spec: ProducerSpec, option: OptionSpec, given: Any) -> int | float:
+def _number(spec: ProducerSpec | ExporterSpec, option: OptionSpec, given: Any) -> int | float:
     whole = option.kind == "int"
     expected = "a whole number" if whole else "a finite number"
     if isinstance(given, bool):
@@ -86,7 +99,9 @@ def _number(spec: ProducerSpec, option: OptionSpec, given: Any) -> int | float:
     return number
 
 
-def _wrong(spec: ProducerSpec, option: OptionSpec, found: str, expected: str) -> ConfigError:
+def _wrong(
+    spec: ProducerSpec | ExporterSpec, option: OptionSpec, found: str, expected: str
+) -> ConfigError:
     return ConfigError(
         f"option {option.name} of {spec.name} is {found}",
         expected=expected,

@@ -58,7 +58,11 @@ class Runner(Protocol):
         seed: int | None,
         progress: Progress,
     ) -> None:
-        """Simulate `experiment` and append every saved frame, t = 0 first, to `writer`."""
+        """Simulate `experiment` and append every saved frame, t = 0 first, to `writer`.
+
+        A producer whose record has ``run_options`` is also given ``options``, a mapping that
+        holds every one of them, defaults filled in.
+        """
         ...
 
 
@@ -100,7 +104,11 @@ class Recorder(Protocol):
     def attach(
         self, simulator: Any, writer: TrajectoryWriter, **options: Any
     ) -> AbstractContextManager[Any]:
-        """Return a context manager that records while it is open."""
+        """Return a context manager that records while it is open.
+
+        Entering it gives the script what it calls in its loop. The host opens the writer
+        and closes it after the context manager (`openprc.hooks.recording.record_run`).
+        """
         ...
 
 
@@ -181,6 +189,13 @@ class Detector(Protocol):
 class Exporter(Protocol):
     """Trajectory to another format."""
 
-    def export(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write `trajectory` to `path` and return the files made."""
+    def export(
+        self, trajectory: Trajectory, path: Path, *, options: Mapping[str, Any]
+    ) -> Iterable[Path]:
+        """Write `trajectory` to `path` and return the files made, all of them beside it.
+
+        `options` holds every option of the record, defaults filled in, and ``"final"``, the
+        path that the file gets once all of them are written: what is written refers to other
+        files as seen from there.
+        """
         ...

@@ -18,7 +18,7 @@ from openprc.hooks import discovery
 from openprc.hooks.discovery import EntryPoint, Plugin
 from openprc.hooks.faults import PluginWarning, owned_by
 from openprc.hooks.hookspecs import RECORDS
-from openprc.hooks.specs import Capability, CodeSpec, ProducerSpec
+from openprc.hooks.specs import Capability, CodeSpec, ExporterSpec, ProducerSpec
 
 #: What users call a record, by hook.
 NOUNS = {hook: hook.removeprefix("openprc_").rstrip("s") for hook in RECORDS}
@@ -168,6 +168,8 @@ class Registry:
         spec = item.spec
         if isinstance(spec, ProducerSpec):
             self._check_capability(item, capability)
+        if isinstance(spec, ExporterSpec):
+            _refuse_missing(item, absent_packages(spec.needs), "export")
         target = resolve(item, spec.load)
         if isinstance(spec, ProducerSpec):
             with owned_by(item.qualified_name, "being set up"):
@@ -186,14 +188,17 @@ class Registry:
                 fix="name another producer",
                 key=item.qualified_name,
             )
-        absent = missing_packages(spec, capability)
-        if absent:
-            raise MissingDependency(
-                f"{item.name} needs {', '.join(absent)} to {capability}, not installed",
-                expected=f"an environment with {', '.join(absent)}",
-                fix=spec.install or f"pip install {' '.join(absent)}",
-                key=item.qualified_name,
-            )
+        _refuse_missing(item, missing_packages(spec, capability), capability)
+
+
+def _refuse_missing(item: Registered, absent: tuple[str, ...], doing: str) -> None:
+    if absent:
+        raise MissingDependency(
+            f"{item.name} needs {', '.join(absent)} to {doing}, not installed",
+            expected=f"an environment with {', '.join(absent)}",
+            fix=item.spec.install or f"pip install {' '.join(absent)}",
+            key=item.qualified_name,
+        )
 
 
 def _without_doubles(plugins: Iterable[Plugin]) -> Iterator[Plugin]:
@@ -232,7 +237,12 @@ def missing_packages(spec: ProducerSpec, capability: Capability) -> tuple[str, .
 
     They are looked up, not imported.
     """
-    return tuple(name for name in spec.needs.get(capability, ()) if not _is_installed(name))
+    return absent_packages(spec.needs.get(capability, ()))
+
+
+def absent_packages(names: Iterable[str]) -> tuple[str, ...]:
+    """Return which of these import names cannot be imported; they are looked up only."""
+    return tuple(name for name in names if not _is_installed(name))
 
 
 def _is_installed(name: str) -> bool:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from openprc.errors import UnsupportedScene
 from openprc.hooks.faults import owned_by
 from openprc.hooks.importing import ProducedRun, describe_run, refuse_invalid
+from openprc.hooks.options import check_options
 from openprc.hooks.protocols import Planner, Progress, Runner, RunPlan
 from openprc.hooks.registry import Registry, default_registry
 from openprc.schema.experiment import load_experiment
@@ -32,6 +33,7 @@ def run_experiment(
     *,
     producer: str = "demlat",
     integrator: str | None = None,
+    options: Mapping[str, Any] | None = None,
     seed: int | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -49,6 +51,8 @@ def run_experiment(
         Who simulates.
     integrator : str, optional
         Instead of the one in config.json, in which older folders name none.
+    options : mapping, optional
+        Options of that producer (`ProducerSpec.run_options`).
     seed : int, optional
         For producers that draw random numbers.
     overwrite : bool
@@ -69,6 +73,7 @@ def run_experiment(
     folder = Path(folder)
     registry = registry or default_registry()
     item = registry.producer(producer)
+    values = check_options(item.spec, item.spec.run_options, options or {})
     runner = registry.load(item, capability="run")
     experiment = _loaded(folder, integrator)
     home = experiment.path or folder  # `folder` may be the input folder itself
@@ -82,7 +87,7 @@ def run_experiment(
         seed=seed,
         # Of strangers' producers nobody here can promise it.
         deterministic=True if item.distribution == "openprc" else None,
-        config=experiment.settings(),
+        config={**experiment.settings(), **({"options": values} if values else {})},
     )
     notes, findings = simulate(
         experiment,
@@ -90,6 +95,7 @@ def run_experiment(
         target=target,
         provenance=provenance,
         owner=item.qualified_name,
+        options=values,
         seed=seed,
         overwrite=overwrite or experiment.overwrite,
         progress=progress,
@@ -145,6 +151,7 @@ def simulate(
     target: Path,
     provenance: Provenance,
     owner: str,
+    options: Mapping[str, Any] | None = None,
     seed: int | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -156,6 +163,8 @@ def simulate(
     ----------
     owner : str
         Whose code the runner is, for errors.
+    options : mapping, optional
+        Every option of the runner, if it has some.
     registry : Registry, optional
         Whose checks of extensions the result has to pass, too.
 
@@ -187,7 +196,9 @@ def simulate(
     ):
         for source in experiment.sources:
             writer.add_source(source, role=source.stem)
-        runner.run(experiment, writer, seed=seed, progress=progress)
+        # A runner without options does not have the argument.
+        given = {"options": dict(options)} if options else {}
+        runner.run(experiment, writer, seed=seed, progress=progress, **given)
     return writer.notes, findings
 
 

@@ -49,9 +49,23 @@ def _check_target(kind: str, key: str, target: object) -> None:
         raise ValueError(f"{kind}.{key} is {target!r}; expected 'package.module:attribute'")
 
 
+def _check_suffixes(kind: str, owner: str, suffixes: tuple[str, ...]) -> None:
+    for suffix in suffixes:
+        if not suffix.startswith(".") or suffix != suffix.lower():
+            raise ValueError(
+                f"{kind} {owner!r}: suffix {suffix!r}; expected lower case, leading dot"
+            )
+
+
+def _check_options(kind: str, owner: str, options: tuple[OptionSpec, ...]) -> None:
+    names = [option.name for option in options]
+    if len(set(names)) != len(names):
+        raise ValueError(f"{kind} {owner!r}: two options share a name: {names}")
+
+
 @dataclass(frozen=True, slots=True)
 class OptionSpec:
-    """One option that an importer accepts, typed so that the command line can parse it.
+    """One option of an importer, a runner or an exporter, typed for the command line.
 
     ``kind`` is ``str``, ``float``, ``int``, ``bool`` or ``path``; with ``multiple`` the value
     is a tuple of them. ``default`` is ``None`` when the option may stay unset.
@@ -98,6 +112,9 @@ class ProducerSpec:
         What it can model, from `ELEMENTS`.
     options : tuple of OptionSpec
         What `Importer.import_run` accepts.
+    run_options : tuple of OptionSpec
+        What `Runner.run` accepts besides the experiment. A runner without any is called
+        without the argument `options`.
     trusts_pickle : bool
         The format can be a pickle; it is only read when the caller says ``trust=True``.
     citation : str
@@ -119,6 +136,7 @@ class ProducerSpec:
     time: tuple[Literal["physical", "pseudo"], ...] = ("physical",)
     elements: tuple[str, ...] = ()
     options: tuple[OptionSpec, ...] = ()
+    run_options: tuple[OptionSpec, ...] = ()
     trusts_pickle: bool = False
     citation: str = ""
     sample: str = ""
@@ -148,14 +166,11 @@ class ProducerSpec:
                 f"{kind} {self.name!r}: elements {sorted(unknown_elements)} are not known; "
                 f"expected some of {ELEMENTS}"
             )
-        for suffix in self.suffixes:
-            if not suffix.startswith(".") or suffix != suffix.lower():
-                raise ValueError(
-                    f"{kind} {self.name!r}: suffix {suffix!r}; expected lower case, leading dot"
-                )
-        names = [option.name for option in self.options]
-        if len(set(names)) != len(names):
-            raise ValueError(f"{kind} {self.name!r}: two options share a name: {names}")
+        _check_suffixes(kind, self.name, self.suffixes)
+        for options in (self.options, self.run_options):
+            _check_options(kind, self.name, options)
+        if self.run_options and "run" not in self.capabilities:
+            raise ValueError(f"{kind} {self.name!r} has run_options, and cannot run")
         needs = {key: tuple(value) for key, value in self.needs.items()}
         object.__setattr__(self, "needs", MappingProxyType(needs))
 
@@ -207,10 +222,31 @@ class DetectorSpec(CodeSpec):
     __slots__ = ()
 
 
+@dataclass(frozen=True, slots=True)
 class ExporterSpec(CodeSpec):
-    """A `openprc.hooks.protocols.Exporter`: trajectory to a file of another format."""
+    """A `openprc.hooks.protocols.Exporter`: trajectory to a file of another format.
 
-    __slots__ = ()
+    Parameters
+    ----------
+    suffixes : tuple of str
+        Endings of file names that choose this exporter; the one like its name always does.
+    needs : tuple of str
+        Import names without which it cannot write; probed, not imported.
+    install : str
+        The command that installs what is missing.
+    options : tuple of OptionSpec
+        What `Exporter.export` accepts.
+    """
+
+    suffixes: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    install: str = ""
+    options: tuple[OptionSpec, ...] = ()
+
+    def __post_init__(self) -> None:
+        CodeSpec.__post_init__(self)
+        _check_suffixes("ExporterSpec", self.name, self.suffixes)
+        _check_options("ExporterSpec", self.name, self.options)
 
 
 class ExtensionSpec(CodeSpec):

@@ -14,7 +14,7 @@ from openprc.schema import Provenance, TrajectoryWriter
 class Exporter:
     """Writes the number of frames, and a second file beside it."""
 
-    def export(self, trajectory, path):
+    def export(self, trajectory, path, *, options):
         path.write_text(f"{trajectory.n_frames}\n")
         beside = path.with_suffix(".more")
         beside.write_text("more")
@@ -23,8 +23,8 @@ class Exporter:
 
 def returning(make):
     class Odd(Exporter):
-        def export(self, trajectory, path):
-            files = super().export(trajectory, path)
+        def export(self, trajectory, path, *, options):
+            files = super().export(trajectory, path, options=options)
             return make(path, files)
 
     return Odd

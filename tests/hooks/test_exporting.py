@@ -31,15 +31,15 @@ def exporting(make_entry, make_code):
     return make
 
 
-def write(trajectory, path):
+def write(trajectory, path, *, options):
     path.write_text(str(trajectory.positions().ravel().tolist()))
     return [path]
 
 
-def write_two(trajectory, path):
+def write_two(trajectory, path, *, options):
     other = path.with_suffix(".info")
     other.write_text("info")
-    return [*write(trajectory, path), other]
+    return [*write(trajectory, path, options=options), other]
 
 
 @pytest.mark.parametrize("to", [None, "txt", "openprc-text/txt"])
@@ -72,12 +72,12 @@ def test_nothing_is_replaced_unless_told(run, tmp_path, exporting, name):
     assert (tmp_path / name).read_text() != "old"
 
 
-def fail_midway(trajectory, path):
+def fail_midway(trajectory, path, *, options):
     path.write_text("half")
     raise ZeroDivisionError("no")
 
 
-def report_elsewhere(trajectory, path):
+def report_elsewhere(trajectory, path, *, options):
     return [path.parent.parent / "run.h5"]
 
 
@@ -86,9 +86,9 @@ def report_elsewhere(trajectory, path):
     [
         (fail_midway, "openprc-text/txt failed while exporting run.h5: ZeroDivisionError"),
         (report_elsewhere, "openprc-text/txt reported"),
-        (lambda trajectory, path: [], "reported no file"),
-        (lambda trajectory, path: [path], "openprc-text/txt reported"),
-        (lambda trajectory, path: None, "failed while exporting"),
+        (lambda trajectory, path, *, options: [], "reported no file"),
+        (lambda trajectory, path, *, options: [path], "openprc-text/txt reported"),
+        (lambda trajectory, path, *, options: None, "failed while exporting"),
     ],
 )
 def test_a_faulty_exporter_leaves_nothing(run, tmp_path, exporting, export, words):

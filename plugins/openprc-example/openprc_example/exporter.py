@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ class CsvExporter:
     place in it and stay behind.
     """
 
-    def export(self, trajectory: Trajectory, path: Path) -> list[Path]:
+    def export(
+        self, trajectory: Trajectory, path: Path, *, options: Mapping[str, Any]
+    ) -> list[Path]:
         """Write `trajectory` to `path`; return the one file made.
 
         Raises
@@ -34,6 +36,7 @@ class CsvExporter:
         ResultExists
             When `path` exists.
         """
+        del options
         path = Path(path)
         if path.exists():
             raise ResultExists(

@@ -34,7 +34,7 @@ def round_trip(folder, **options):
     table = folder / "out.csv"
     table.unlink(missing_ok=True)
     with Trajectory(folder / "a.h5") as run:
-        assert CsvExporter().export(run, table) == [table]
+        assert CsvExporter().export(run, table, options={}) == [table]
     import_csv(table, folder / "b.h5", **options)
 
 
@@ -113,10 +113,10 @@ def test_existing_files_are_left_alone(tmp_path):
     import_csv(samples.write_sample(tmp_path).path, tmp_path / "a.h5")
     with Trajectory(tmp_path / "a.h5") as run:
         with pytest.raises(ResultExists, match="a file of this name exists"):
-            CsvExporter().export(run, tmp_path / "arms.csv")
+            CsvExporter().export(run, tmp_path / "arms.csv", options={})
         (tmp_path / "new.csv.partial").write_text("")
         with pytest.raises(ResultExists, match="an unfinished export"):
-            CsvExporter().export(run, tmp_path / "new.csv")
+            CsvExporter().export(run, tmp_path / "new.csv", options={})
     assert (tmp_path / "new.csv.partial").exists()
 
 
@@ -125,7 +125,7 @@ def test_failed_export_leaves_nothing(tmp_path):
     run = Trajectory(tmp_path / "a.h5")
     run.close()
     with pytest.raises(MissingData):
-        CsvExporter().export(run, tmp_path / "new.csv")
+        CsvExporter().export(run, tmp_path / "new.csv", options={})
     assert not list(tmp_path.glob("new.csv*"))
 
 
