@@ -47,7 +47,7 @@ def openprc_producers() -> list[ProducerSpec]:
         ProducerSpec(
             name="merlin",
             summary="MERLIN, MERLIN2 and Sim-FAST workspaces (.mat, .h5) and OBJ sequences",
-            load="openprc_merlin.importer:Importer",
+            load="openprc_merlin.producer:Producer",
             capabilities=("import",),
             suffixes=(".mat", ".h5", ".hdf5", ".obj"),
             magic=(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n\x1a\n"),

@@ -66,7 +66,7 @@ def openprc_producers() -> list[ProducerSpec]:
         ProducerSpec(
             name="pybullet",
             summary="PyBullet state logs, and npz, pickle or CSV files saved from a script",
-            load="openprc_pybullet.importer:Importer",
+            load="openprc_pybullet.producer:Producer",
             capabilities=("import",),
             suffixes=(".log", ".bin", ".npz", ".pkl", ".pickle", ".csv", ".txt", ".bullet"),
             magic=(b"stepCount,timeStamp,", b"t,r,p,y,q0,", b"BULLETd", b"BT3CMD"),

@@ -1,0 +1,1 @@
+"""Writers of plain formats that the package brings itself."""
