@@ -6,6 +6,7 @@ from openprc.hooks.hookspecs import hookimpl
 from openprc.hooks.specs import (
     BenchmarkSpec,
     DetectorSpec,
+    ExporterSpec,
     FeatureSpec,
     OptionSpec,
     ProducerSpec,
@@ -65,6 +66,31 @@ def openprc_producers() -> list[ProducerSpec]:
             sample="openprc.vision.samples:write_sample",
         ),
     ]  # fmt: skip
+
+
+@hookimpl
+def openprc_exporters() -> list[ExporterSpec]:
+    """Plain formats."""
+    stride = OptionSpec("stride", "Take every so many frames", kind="int", default=1)
+    return [
+        ExporterSpec(
+            name="csv",
+            summary="One row a frame: time, positions, channels, inputs",
+            load="openprc.exporters.csv_table:CsvExporter",
+            suffixes=(".csv",),
+            options=(stride,),
+        ),
+        ExporterSpec(
+            name="npz",
+            summary="Everything as plain NumPy arrays, with units beside them",
+            load="openprc.exporters.npz_arrays:NpzExporter",
+            suffixes=(".npz",),
+            options=(
+                stride,
+                OptionSpec("compress", "Deflate the arrays", kind="bool", default=False),
+            ),
+        ),
+    ]
 
 
 @hookimpl

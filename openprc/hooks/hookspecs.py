@@ -61,8 +61,8 @@ def openprc_exporters() -> Iterable[ExporterSpec]:
 
     ::
 
-        return [ExporterSpec(name="csv", summary="One row a frame",
-                             load="openprc_example.exporter:CsvExporter")]
+        return [ExporterSpec(name="xyz", summary="Extended XYZ, one block a frame",
+                             load="openprc_example.exporter:XyzExporter")]
     """
     raise NotImplementedError
 

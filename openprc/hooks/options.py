@@ -1,4 +1,4 @@
-"""Options of importers, runners and exporters: text from the command line or values from Python, checked once."""
+"""Options of importers, runners and exporters: text or values, checked once."""
 
 from __future__ import annotations
 

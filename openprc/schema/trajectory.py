@@ -216,6 +216,10 @@ class Trajectory(Clock):
         """Return the names of the recorded quantities of a kind."""
         return self._names(f"time_series/elements/{kind}")
 
+    def element_constants(self, kind: str) -> tuple[str, ...]:
+        """Return the names of the constants of a kind, `indices` apart."""
+        return tuple(name for name in self._names(f"topology/{kind}") if name != "indices")
+
     def element(
         self, kind: str, quantity: str, *, frames: Frames = ALL, unit: str | None = None
     ) -> NDArray[np.float64]:
@@ -335,6 +339,10 @@ class Trajectory(Clock):
     def has(self, path: str) -> bool:
         """Tell whether an object is in the file."""
         return path in self._file
+
+    def has_unit(self, path: str) -> bool:
+        """Tell whether a dataset is in the file and has a unit; codes and names have none."""
+        return path in self._file and "unit" in self._file[path].attrs
 
     def content_digest(self) -> str:
         """Return a SHA-256 of all data; see `openprc.schema.digest.content_digest`."""

@@ -35,12 +35,17 @@ def openprc_producers() -> list[ProducerSpec]:
 
 @hookimpl
 def openprc_exporters() -> list[ExporterSpec]:
-    """Return the exporter ``csv``."""
+    """Return the exporter ``xyz``."""
     return [
         ExporterSpec(
-            name="csv",
-            summary="One row a frame: time, positions, channels, inputs",
-            load="openprc_example.exporter:CsvExporter",
+            name="xyz",
+            summary="Extended XYZ: one block of text a frame, for OVITO, ASE or VMD",
+            load="openprc_example.exporter:XyzExporter",
+            suffixes=(".xyz", ".extxyz"),
+            options=(
+                OptionSpec("stride", "take every so many frames", kind="int", default=1),
+                OptionSpec("species", "what every node is called", default="X"),
+            ),
         )
     ]
 
