@@ -77,7 +77,7 @@ class DemlatProducer:
         model = self.model(experiment, backend=self.backend)
         for remark in model.remarks():
             writer.note(remark)
-        recorder = _Recorder(experiment, writer)
+        recorder = FrameRecorder(experiment, writer)
         recorder.declare()
         n_frames = experiment.n_frames
         progress(0.0, "t = 0 s")
@@ -93,7 +93,7 @@ class DemlatProducer:
             )
 
 
-class _Recorder:
+class FrameRecorder:
     """Says what is recorded and turns blocks of frames into what the writer takes."""
 
     def __init__(self, experiment: Experiment, writer: TrajectoryWriter) -> None:

@@ -16,7 +16,7 @@ from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.model import make_control
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, scene_size
-from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
+from openprc.demlat.models.barhinge.tables import ENERGY_ROWS, LEDGER_STRIDE, FrameBuffer
 from openprc.demlat.planning.stability import step_limit
 from openprc.demlat.sensors import Quantity, Sensors
 from openprc.demlat.stepping_checks import (
@@ -215,7 +215,7 @@ class SteppedExperiment:
             limit=self._reach / unit.length,
         )
         self._control = make_control("fixed", self._settings, experiment.steps_per_frame)
-        self._energy = np.zeros(4 * LEDGER_STRIDE, body.mass.dtype)
+        self._energy = np.zeros(ENERGY_ROWS * LEDGER_STRIDE, body.mass.dtype)
         self._start = state.x.copy(), state.v.copy()
         geometry, dims = experiment.geometry, self._assembly.packing.dims
         self._buffer = FrameBuffer.for_frames(
@@ -224,6 +224,7 @@ class SteppedExperiment:
             dims=dims,
             n_bars=len(geometry.bars),
             n_hinges=len(geometry.hinges),
+            n_bends=len(geometry.bends),
         )
         reference = self._assembly.reference[0, :, :dims]
         self._readers = [one.reader(experiment, reference) for one in sensors]

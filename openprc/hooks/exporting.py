@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from openprc.errors import PluginError, ResultExists
+from openprc.errors import AmbiguousName, PluginError, ResultExists
 from openprc.hooks.faults import owned_by
 from openprc.hooks.options import check_options
 from openprc.hooks.registry import Registered, Registry, default_registry
@@ -93,11 +93,23 @@ def export_file(
 
 def _chosen(registry: Registry, to: str | None, out: Path) -> Registered:
     """Return the exporter named `to`, or the one that the ending of `out` names."""
-    name = out.name.lower()
     if to is None:
-        for item in registry.records("openprc_exporters"):
-            if name.endswith(item.spec.suffixes):
-                return registry.find("openprc_exporters", item.name)
+        name = out.name.lower()
+        fitting = [
+            item
+            for item in registry.records("openprc_exporters")
+            if item.spec.suffixes and name.endswith(item.spec.suffixes)
+        ]
+        if len(fitting) > 1:
+            names = [item.name for item in fitting]
+            raise AmbiguousName(
+                f"{len(fitting)} exporters write {out.suffix}: {', '.join(names)}",
+                expected="one exporter",
+                fix=f"say which with --to, for example --to {names[0]}",
+                key=out.suffix,
+            )
+        if fitting:
+            return fitting[0]
     return registry.find("openprc_exporters", to or out.suffix.lstrip(".").lower() or out.name)
 
 

@@ -149,9 +149,10 @@ class Declarations(DeclaredValues):
         Parameters
         ----------
         kind : str
-            ``bars``, ``faces``, ``hinges`` or another name.
+            ``bars``, ``bends``, ``faces``, ``hinges`` or another name.
         indices : (E, k) int
-            Nodes counted from 0; hinges name the crease first, then the two wings.
+            Nodes counted from 0; hinges name the crease first, then the two wings; bends
+            have their vertex in the middle.
         series : mapping of quantity to unit
             What append() will give for every frame, (E,) each.
         widths : mapping of quantity to k
@@ -163,7 +164,7 @@ class Declarations(DeclaredValues):
         self._open_for("declare_elements")
         key = f"/topology/{self._name(kind, '/topology')}/indices"
         if kind == "nodes":
-            raise self._error(key, "elements named 'nodes'", "bars, faces, hinges, ...")
+            raise self._error(key, "elements named 'nodes'", "bars, bends, faces, hinges, ...")
         if dtype not in ("f8", "f4"):
             raise self._error(key, f"dtype {dtype!r}", "'f8' or 'f4'")
         table = np.asarray(indices)

@@ -4,10 +4,11 @@ Layout of geometry.h5: root attributes ``openprc_schema`` "1.0" and ``kind`` "ge
 ``nodes/{positions, masses, fixed, collidable?, velocities?, label?}``,
 ``elements/bars/{indices, stiffness, rest_length, damping, prestress, rigid, law?,
 stiffness_cubic?, damping_cubic?}``, ``elements/hinges/{indices, stiffness, rest_angle,
-damping, rigid, law?, limit_low?, limit_high?}``, ``elements/faces/indices``. Layout of
-signals.h5: ``signals/<name>`` with the attributes ``dt``, ``unit`` and ``interpolation``, and
-``sequences/<name>`` with the attribute ``hold`` where symbols were interpolated. The older
-layout is described in `openprc.schema.experiment_legacy`.
+damping, rigid, law?, limit_low?, limit_high?}``, ``elements/bends/{indices, stiffness,
+rest_angle?, damping?}``, ``elements/faces/indices``. Layout of signals.h5: ``signals/<name>``
+with the attributes ``dt``, ``unit`` and ``interpolation``, and ``sequences/<name>`` with the
+attribute ``hold`` where symbols were interpolated. The older layout is described in
+`openprc.schema.experiment_legacy`.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from openprc.schema.experiment_reader import (
     read_number,
     read_text,
 )
-from openprc.schema.geometry import FULL_TURN, Bars, Geometry, Hinges
+from openprc.schema.geometry import FULL_TURN, Bars, Bends, Geometry, Hinges
 from openprc.schema.safety import open_hdf5
 from openprc.schema.units import UNITS, conversion_factor
 
@@ -52,10 +53,12 @@ if TYPE_CHECKING:
 NAMES = ("geometry.h5", "signals.h5", "config.json")
 BAR_UNITS = {"stiffness": "N/m", "rest_length": "m", "damping": "N*s/m", "prestress": "1"}
 HINGE_UNITS = {"stiffness": "N*m/rad", "rest_angle": "rad", "damping": "N*m*s/rad"}
+BEND_UNITS = HINGE_UNITS
 #: Columns that are written only where they say something, with the value that says nothing.
 SPECIAL_UNITS = {
     "bars": {"stiffness_cubic": ("N/m3", 0.0), "damping_cubic": ("N*s3/m3", 0.0)},
     "hinges": {"limit_low": ("rad", 0.0), "limit_high": ("rad", FULL_TURN)},
+    "bends": {},
 }
 
 
@@ -170,6 +173,7 @@ def _read_geometry(path: Path, config: Config, notes: list[str]) -> tuple[Geomet
             masses=reader.get("nodes/masses", kind="number", unit="kg"),
             bars=Bars(**_read_elements(reader, "bars", BAR_UNITS, ("damping", "prestress"))),
             hinges=Hinges(**_read_elements(reader, "hinges", HINGE_UNITS, ("damping",))),
+            bends=Bends(**_read_elements(reader, "bends", BEND_UNITS, ("rest_angle", "damping"))),
             **optional,
         )
     return geometry, False
@@ -185,6 +189,8 @@ def _read_elements(
     for key, unit in units.items():
         if key not in optional or reader.has(f"{group}/{key}"):
             columns[key] = reader.get(f"{group}/{key}", kind="number", unit=unit)
+    if name == "bends":
+        return columns  # no law but one, and never rigid
     if reader.has(f"{group}/rigid"):
         columns["rigid"] = reader.get(f"{group}/rigid", kind="switch")
     for key, (unit, _) in SPECIAL_UNITS[name].items():
@@ -300,12 +306,15 @@ def _write_geometry(geometry: Geometry, path: Path) -> None:
         for name, elements, units in (
             ("bars", geometry.bars, BAR_UNITS),
             ("hinges", geometry.hinges, HINGE_UNITS),
+            ("bends", geometry.bends, BEND_UNITS),
         ):
             if len(elements) == 0:
                 continue
             _put(file, f"elements/{name}/indices", elements.indices)
             for key, unit in units.items():
                 _put(file, f"elements/{name}/{key}", getattr(elements, key), unit)
+            if isinstance(elements, Bends):
+                continue  # no law but one, and never rigid
             _put(file, f"elements/{name}/rigid", elements.rigid.astype("u1"))
             for key, (unit, default) in SPECIAL_UNITS[name].items():
                 if (getattr(elements, key) != default).any():

@@ -1,4 +1,4 @@
-"""The body of an experiment: nodes, bars, hinges and faces, as frozen records."""
+"""The body of an experiment: nodes, bars, hinges, bends and faces, as frozen records."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 BarLaw = Literal["linear", "cubic", "cable", "strut", "ogden"]
 BAR_LAWS: tuple[BarLaw, ...] = get_args(BarLaw)
-HingeLaw = Literal["linear", "enhanced-linear"]
+HingeLaw = Literal["linear", "enhanced-linear", "four-thirds"]
 HINGE_LAWS: tuple[HingeLaw, ...] = get_args(HingeLaw)
 FULL_TURN = 2.0 * math.pi
 #: Default of columns that are filled in once the number of rows is known.
@@ -117,7 +117,9 @@ class Hinges:
     law : (K,) str, default "linear"
         "linear" ``k (angle - rest)``; "enhanced-linear" the same between the limits, and
         beyond them a moment that grows without bound towards 0 and 2 pi, so that panels do
-        not pass through each other (Liu & Paulino 2017, doi:10.1098/rspa.2017.0348).
+        not pass through each other (Liu & Paulino 2017, doi:10.1098/rspa.2017.0348);
+        "four-thirds" ``k sign(d) |d|^(4/3)`` with ``d = angle - rest``, a panel that bends
+        (`stiffness` is the moment at 1 rad; for quasi-static runs).
     limit_low, limit_high : (K,) [rad], default 0 and 2 pi
         For "enhanced-linear" where the linear range ends; for "linear" hard stops, which
         only integrators that project constraints can model.
@@ -151,6 +153,42 @@ class Hinges:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Bends:
+    """Three-node elements on the angle between two arms: bending springs of chains and rods.
+
+    The angle lies in [0, pi], pi is straight and 0 folded back; the torque is
+    ``k (angle - rest_angle) + c d(angle)/dt``. A chain of bars with a bend at every inner node
+    is the bar form of an unshearable rod (``k = E I / l`` for segments of length l).
+
+    Parameters
+    ----------
+    indices : (B, 3) [node]
+        ``[end, vertex, end]``.
+    stiffness : (B,) [N*m/rad]
+    rest_angle : (B,) [rad], default pi
+        In (0, pi]. Below pi the element cannot pass through straight, where the side that it
+        bends to is not defined.
+    damping : (B,) [N*m*s/rad], default 0
+        Dashpot on the rate of the angle.
+    """
+
+    indices: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
+    stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    rest_angle: NDArray[np.float64] = _FILLED
+    damping: NDArray[np.float64] = _FILLED
+
+    def __post_init__(self) -> None:
+        _fill(self, len(self.indices), rest_angle=math.pi, damping=0.0)
+        number = ("f8", (-1,))
+        _freeze(self, indices=("i4", (-1, 3)))
+        _freeze(self, stiffness=number, rest_angle=number, damping=number)
+
+    def __len__(self) -> int:
+        """Return the number of bends."""
+        return len(self.indices)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Geometry:
     """Nodes and the elements between them.
 
@@ -168,6 +206,7 @@ class Geometry:
         What matches nodes across producers.
     bars : Bars
     hinges : Hinges
+    bends : Bends
     faces : (F, 3) [node]
         Triangles without mechanics, for display.
     """
@@ -180,6 +219,7 @@ class Geometry:
     labels: tuple[str, ...] | None = None
     bars: Bars = field(default_factory=Bars)
     hinges: Hinges = field(default_factory=Hinges)
+    bends: Bends = field(default_factory=Bends)
     faces: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
 
     def __post_init__(self) -> None:

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.schema.geometry import BAR_LAWS, FULL_TURN, HINGE_LAWS, Bars, Geometry, Hinges
+from openprc.schema.bend_angle import bend_angles
+from openprc.schema.geometry import (
+    BAR_LAWS,
+    FULL_TURN,
+    HINGE_LAWS,
+    Bars,
+    Bends,
+    Geometry,
+    Hinges,
+)
 from openprc.schema.mistakes import Mistakes, list_some
 
 if TYPE_CHECKING:
@@ -16,7 +25,7 @@ if TYPE_CHECKING:
 def check_geometry(
     geometry: Geometry, mistakes: Mistakes, *, driven: NDArray[np.bool_] | None = None
 ) -> None:
-    """Check nodes, bars, hinges and faces.
+    """Check nodes, bars, hinges, bends and faces.
 
     Parameters
     ----------
@@ -31,6 +40,8 @@ def check_geometry(
     if _check_columns("elements/hinges", geometry.hinges, 4, _HINGE_COLUMNS, mistakes):
         _check_indices("elements/hinges", geometry.hinges.indices, n_nodes, mistakes)
         _check_hinges(geometry.hinges, mistakes)
+    if _check_columns("elements/bends", geometry.bends, 3, _BEND_COLUMNS, mistakes):
+        _check_bends(geometry.bends, geometry, mistakes)
     faces = geometry.faces
     if faces.ndim != 2 or faces.shape[1] != 3:
         mistakes.add("elements/faces/indices", f"shape {faces.shape}", expected="(F, 3)")
@@ -42,6 +53,9 @@ _BAR_COLUMNS = (
     *("stiffness", "rest_length", "damping", "prestress", "rigid", "law"),
     *("stiffness_cubic", "damping_cubic"),
 )
+#: A bend within this angle of straight or folded back is taken to be there [rad].
+COLLINEAR = 1e-9
+_BEND_COLUMNS = ("stiffness", "rest_angle", "damping")
 _HINGE_COLUMNS = (
     *("stiffness", "rest_angle", "damping", "rigid", "law", "limit_low", "limit_high"),
 )
@@ -96,7 +110,7 @@ def _check_nodes(geometry: Geometry, mistakes: Mistakes, driven: NDArray[np.bool
 
 def _check_columns(
     group: str,
-    elements: Bars | Hinges,
+    elements: Bars | Hinges | Bends,
     width: int,
     columns: tuple[str, ...],
     mistakes: Mistakes,
@@ -183,6 +197,48 @@ def _check_hinges(hinges: Hinges, mistakes: Mistakes) -> None:
                 f"enhanced-linear element {list_some(np.flatnonzero(which))} has {what}",
                 expected=wanted,
             )
+
+
+def _check_bends(bends: Bends, geometry: Geometry, mistakes: Mistakes) -> None:
+    group = "elements/bends"
+    for key in ("stiffness", "damping"):
+        _check_not_negative(f"{group}/{key}", getattr(bends, key), mistakes)
+    outside = np.flatnonzero((bends.rest_angle <= 0.0) | (bends.rest_angle > np.pi))
+    if len(outside):
+        mistakes.add(
+            f"{group}/rest_angle",
+            f"{bends.rest_angle[outside[0]]:g} rad at element {list_some(outside)}",
+            expected="an angle above 0 and up to pi, which is straight",
+        )
+    if not _check_indices(group, bends.indices, geometry.n_nodes, mistakes):
+        return
+    ends = geometry.positions[bends.indices]
+    short = (ends == ends[:, 1:2]).all(axis=2)[:, [0, 2]].any(axis=1)
+    if short.any():
+        mistakes.add(
+            f"{group}/indices",
+            f"an arm of element {list_some(np.flatnonzero(short))} has no length",
+            expected="a distance between the vertex and either end, else there is no angle",
+        )
+    angle = bend_angles(geometry.positions[np.newaxis], bends.indices)[0]
+    folded = np.flatnonzero(~short & (angle < COLLINEAR))
+    if len(folded):
+        mistakes.add(
+            f"{group}/indices",
+            f"the arms of element {list_some(folded)} lie on each other",
+            expected="an angle above 0 between them, else the bend has no plane",
+        )
+    straight = np.flatnonzero(
+        ~short & (np.pi - angle < COLLINEAR) & (np.pi - bends.rest_angle > COLLINEAR)
+    )
+    if len(straight):
+        mistakes.add(
+            f"{group}/rest_angle",
+            f"element {list_some(straight)} starts straight and rests at"
+            f" {bends.rest_angle[straight[0]]:g} rad",
+            expected="a start that shows to which side it bends",
+            fix="move the vertex a little off the line between the ends",
+        )
 
 
 def _check_bars(bars: Bars, geometry: Geometry, mistakes: Mistakes) -> None:

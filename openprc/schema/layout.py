@@ -91,7 +91,7 @@ DATASETS: tuple[DatasetRule, ...] = (
     DatasetRule(
         "/time_series/elements/<kind>/<quantity>", ("T", "E", "k?"), _F, "optional",
         "Quantity of every element, such as length, strain and force of bars, or angle and "
-        "torque of hinges. The indices stand under /topology/<kind>.",
+        "torque of hinges and bends. The indices stand under /topology/<kind>.",
     ),
     DatasetRule(
         "/time_series/channels/<name>", ("T", "C"), _F, "conditional",
@@ -133,8 +133,8 @@ DATASETS: tuple[DatasetRule, ...] = (
     ),
     DatasetRule(
         "/topology/<kind>/indices", ("E", "k"), ("i4",), "conditional",
-        "Nodes of every element, counted from 0: bars k = 2, faces k = 3, hinges k = 4 with "
-        "the crease first and the two wings after it.",
+        "Nodes of every element, counted from 0: bars k = 2, faces k = 3, bends k = 3 with the "
+        "vertex in the middle, hinges k = 4 with the crease first and the two wings after it.",
         when="the group /topology/<kind> is present",
     ),
     DatasetRule(
@@ -259,7 +259,7 @@ PHYSICAL_DIMENSIONS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 #: Number of nodes in an element of the kinds that the contract names.
-ELEMENT_ARITY = {"bars": 2, "faces": 3, "hinges": 4}
+ELEMENT_ARITY = {"bars": 2, "bends": 3, "faces": 3, "hinges": 4}
 
 
 def match(path: str) -> tuple[DatasetRule, dict[str, str]] | None:

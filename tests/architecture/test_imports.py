@@ -15,8 +15,9 @@ HEAVY = {
     "scipy", "sklearn",
 }  # fmt: skip
 NUMERIC = {"h5py", "numpy"}
-#: What a plugin may use of this package.
-OPEN_TO_PLUGINS = {"errors", "hooks", "schema", "testing"}
+#: What a plugin may use of this package: the contract, the kit, and what runs bodies and writes
+#: files by it. Readouts and analysis work on files, whoever made them.
+OPEN_TO_PLUGINS = {"demlat", "errors", "exporters", "hooks", "schema", "testing"}
 
 
 def top(names):

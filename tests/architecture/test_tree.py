@@ -114,7 +114,7 @@ def test_the_version_is_said_once(root):
 
 
 def test_plugins_are_packaged_alike(plugin_folders):
-    assert len(plugin_folders) == 5
+    assert len(plugin_folders) == 7
     for folder in plugin_folders:
         settings = project_of(folder)
         project = settings["project"]

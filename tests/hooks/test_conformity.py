@@ -67,8 +67,8 @@ def parameters(function):
 
 def test_there_are_plugins():
     assert [folder.name for folder in PLUGINS] == [
-        "openprc-example", "openprc-merlin", "openprc-prcpy", "openprc-pybullet",
-        "openprc-pyelastica",
+        "openprc-example", "openprc-h5md", "openprc-merlin", "openprc-meshio", "openprc-prcpy",
+        "openprc-pybullet", "openprc-pyelastica",
     ]  # fmt: skip
 
 
@@ -84,7 +84,8 @@ def test_every_plugin_loads_and_registers_something(make_entry, folder):
 
 def test_every_producer_offers_what_it_is_capable_of(registry):
     assert {item.name for item in registry.producers} >= {
-        "demlat", "legacy", "vision", "csv", "merlin", "prcpy", "pybullet", "pyelastica",
+        "demlat", "legacy", "vision", "csv", "h5md", "merlin", "meshio", "prcpy", "pybullet",
+        "pyelastica",
     }  # fmt: skip
     for item in registry.producers:
         for capability in item.spec.capabilities:
@@ -96,6 +97,8 @@ def test_every_producer_offers_what_it_is_capable_of(registry):
             for name, wanted in methods.items():
                 found = parameters(getattr(made, name))
                 assert found[: len(wanted)] == wanted, (item.qualified_name, name)
+            if capability == "run":
+                assert ("options" in parameters(made.run)) == bool(item.spec.run_options)
 
 
 def test_every_sample_is_there(registry):
@@ -118,6 +121,8 @@ def test_the_code_of_every_other_record_has_its_methods(registry, hook):
             assert len(parameters(function)) >= count + inspect.isclass(code), (
                 item.qualified_name, name,
             )  # fmt: skip
+            if hook == "openprc_exporters":
+                assert parameters(function)[-1] == "options", item.qualified_name
 
 
 def test_features_and_readouts_are_made_without_arguments(registry):
@@ -144,7 +149,11 @@ def test_hints_of_names_do_not_collide_with_options(registry):
     for item in registry.producers:
         names = [option.name for option in item.spec.options]
         assert "trust" not in names, item.qualified_name
-        for option in item.spec.options:
+    exporters = registry.records("openprc_exporters")
+    for item in exporters:
+        assert "final" not in [option.name for option in item.spec.options], item.qualified_name
+    for item in (*registry.producers, *exporters):
+        for option in (*item.spec.options, *getattr(item.spec, "run_options", ())):
             assert option.help.strip(), (item.qualified_name, option.name)
             if option.choices:
                 assert option.default is None or option.default in option.choices

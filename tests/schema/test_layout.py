@@ -89,7 +89,7 @@ def test_rules_are_consistent():
     assert {d for ds in PHYSICAL_DIMENSIONS.values() for d in ds} <= {
         unit.dimension for unit in UNITS.values()
     }
-    assert ELEMENT_ARITY == {"bars": 2, "faces": 3, "hinges": 4}
+    assert ELEMENT_ARITY == {"bars": 2, "bends": 3, "faces": 3, "hinges": 4}
 
 
 def test_writer_writes_nothing_that_is_not_in_the_table(complete):

@@ -236,7 +236,7 @@ class JaxRun:
 
 
 def _keep(out: FrameBuffer, row: int, saved: tuple[Array, ...]) -> None:
-    for target, value in zip(out, saved, strict=True):
+    for target, value in zip(out[: len(saved)], saved, strict=True):
         target[row] = np.asarray(value)
 
 

@@ -120,8 +120,8 @@ class Stages(NamedTuple):
     pitch : int
         Between the forces of two stages in `forces`.
     forces : (S * pitch,) [N]
-    rates : (5 * LEDGER_STRIDE,) [W] or None
-    kept : (S, 5 * LEDGER_STRIDE) [W] or None
+    rates : (5 or 6 * LEDGER_STRIDE,) [W] or None
+    kept : (S, 5 or 6 * LEDGER_STRIDE) [W] or None
         Powers of all stages.
     x, v : (K,)
         A stage, and at last the end of the step.

@@ -10,14 +10,14 @@ from openprc.demlat.compiled.aligned import aligned_zeros
 from openprc.demlat.compiled.jit import chosen_by_type
 from openprc.demlat.compiled.lanes import add, load
 from openprc.demlat.integrators import Settings
-from openprc.demlat.models.barhinge.tables import LEDGER, LEDGER_STRIDE, Body, Reals
+from openprc.demlat.models.barhinge.tables import Body, Reals, ledger_size
 
 
 def make_rates(body: Body, settings: Settings) -> Reals | None:
     """Return an array for the powers, or None when no ledger is kept."""
     if not settings.ledger:
         return None
-    return aligned_zeros(len(LEDGER) * LEDGER_STRIDE, body.mass.dtype)
+    return aligned_zeros(ledger_size(with_bends=bool(body.bends)), body.mass.dtype)
 
 
 def book(ledger: Any, lanes: Any, rates: Any, weight: float) -> None:

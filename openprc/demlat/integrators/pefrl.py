@@ -45,7 +45,7 @@ def is_damped(body: Body) -> bool:
     """Say whether any force depends on velocities."""
     if body.drag is not None and body.drag.any():
         return True
-    for group in (*body.bars, *body.hinges):
+    for group in (*body.bars, *body.hinges, *body.bends):
         if isinstance(group, PrintedDampers):
             return True
         for name in ("damping", "damping_cubic"):
@@ -64,7 +64,7 @@ class PEFRL(NamedTuple):
         Whether kicks are differential equations.
     stage_v, sum_v, force : (dims * stride,)
         Velocity of a stage, sum over stages, force.
-    rates : (5 * LEDGER_STRIDE,) or None
+    rates : (5 or 6 * LEDGER_STRIDE,) or None
     """
 
     damped: bool

@@ -1,4 +1,4 @@
-"""Stiff bars in an inner loop, soft hinges around it: a multiple-time-step scheme.
+"""Stiff bars in an inner loop, soft hinges and bends around it: a multiple-time-step scheme.
 
 An outer step is half a kick by the hinges, n steps of velocity Verlet with bars, weight, drag
 and actuators, and half a kick by the hinges again, evaluated once. It is of second order, and
@@ -31,6 +31,7 @@ from openprc.demlat.integrators.knots import must_renew
 from openprc.demlat.integrators.ledger import book, make_rates
 from openprc.demlat.integrators.pefrl import is_damped
 from openprc.demlat.integrators.verlet import Verlet, half_kick, kick_and_drift
+from openprc.demlat.models.barhinge.bend_kernels import add_all_bends
 from openprc.demlat.models.barhinge.drive_kernels import actuate, place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import (
     add_all_bars,
@@ -64,7 +65,7 @@ class RESPA(NamedTuple):
         Of the inner loop.
     predicted, force : (dims * stride,)
         Velocity predicted for the end of the outer step, and the force of the hinges there.
-    rates : (5 * LEDGER_STRIDE,) or None
+    rates : (5 or 6 * LEDGER_STRIDE,) or None
         What the hinges lose, and what actuators do against them.
     """
 
@@ -95,7 +96,7 @@ class RESPA(NamedTuple):
         count = inner or inner_steps(body, settings.h)
         fast = Verlet.for_body(body, settings)
         pushed = body.drives is not None and len(body.drives.force_at) > 0
-        renews = pushed or is_damped(body._replace(hinges=()))
+        renews = pushed or is_damped(body._replace(hinges=(), bends=()))
         arrays = aligned_zeros_like(body.mass), aligned_zeros_like(body.mass)
         return cls(count, renews, fast, *arrays, make_rates(body, settings))
 
@@ -167,6 +168,7 @@ def _evaluate_hinges(work: Any, body: Any, x: Any, v: Any) -> None:
     clear(body, work.rates)
     work.force[:] = 0.0
     add_all_hinges(body.hinges, body, x, v, work.force, work.rates)
+    add_all_bends(body.bends, body, x, v, work.force, work.rates)
     add_work_on_driven(body.drives, work.rates, work.force, v)
 
 
@@ -174,7 +176,7 @@ def _evaluate_hinges(work: Any, body: Any, x: Any, v: Any) -> None:
 def _evaluate_rest(
     work: Any, body: Any, x: Any, v: Any, t: float, t_from: float, t_to: float
 ) -> None:
-    """Set the force of the inner loop to everything but hinges."""
+    """Set the force of the inner loop to everything but hinges and bends."""
     fast = work.fast
     clear(body, fast.rates)
     start_forces(body, v, fast.force, fast.rates)

@@ -23,7 +23,7 @@ from openprc.demlat.models.barhinge.rigid_elements import (
     observe_rigid,
     take_impact,
 )
-from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, WORK_IN
+from openprc.demlat.models.barhinge.tables import BEND_ENERGY, LEDGER_STRIDE, WORK_IN
 
 #: What stands in the place of an escaped coordinate when the scheme could not take a step.
 FAILED = -3
@@ -76,7 +76,7 @@ def total(energy: Any, row: int) -> float:
 def potential(body: Any, x: Any, v: Any, energy: Any) -> float:
     """Return the potential energy."""
     observe(body, x, v, energy)
-    return total(energy, 1) + total(energy, 2) + total(energy, 3)
+    return total(energy, 1) + total(energy, 2) + total(energy, 3) + total(energy, BEND_ENERGY)
 
 
 def cross_knot(body: Any, state: Any, energy: Any, t: float, t_to: float) -> None:
@@ -128,10 +128,13 @@ def save_frame(
         angle = body.scratch[2][e] + body.scratch[4][e]
         buffer.angle[row, e] = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
         buffer.moment[row, e] = moment * body.scratch[3][e]
-    for kind in range(4):
+    for e in range(buffer.bend_angle.shape[1]):
+        buffer.bend_angle[row, e] = math.pi - body.scratch[5][e]
+        buffer.bend_moment[row, e] = moment * body.scratch[6][e]
+    for kind in range(buffer.energy.shape[1]):
         buffer.energy[row, kind] = joule * total(energy, kind)
     driven_energy(body.drives, v, ledger, 1.0)
-    for kind in range(5):
+    for kind in range(buffer.ledger.shape[1]):
         buffer.ledger[row, kind] = joule * total(ledger, kind)
     driven_energy(body.drives, v, ledger, -1.0)
 

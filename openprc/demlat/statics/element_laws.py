@@ -80,7 +80,8 @@ class HingeLaws:
 
     "enhanced-linear" beyond its limits is Liu & Paulino 2017, doi:10.1098/rspa.2017.0348: the
     linear moment at the limit plus ``k (2 w / pi) tan(pi (angle - limit) / (2 w))``, where w is
-    the angle between the limit and folded shut.
+    the angle between the limit and folded shut. "four-thirds" is the bending of a panel in
+    Liu & Paulino 2018 (Origami 7): ``k sign(d) |d|^(4/3)``, without stiffness where d = 0.
 
     Parameters
     ----------
@@ -93,9 +94,10 @@ class HingeLaws:
         self.enhanced = (hinges.law == "enhanced-linear") & ~hinges.rigid
         self._low = np.where(self.enhanced, hinges.limit_low - np.pi, -np.inf)
         self._high = np.where(self.enhanced, hinges.limit_high - np.pi, np.inf)
+        self._power = np.flatnonzero((hinges.law == "four-thirds") & ~hinges.rigid)
 
     def difference(self, bends: Reals) -> Reals:
-        """Return ``bend - rest`` (K,) [rad], the shorter way round for the linear law."""
+        """Return ``bend - rest`` (K,) [rad], the shorter way round unless there are limits."""
         difference = bends - self.rest
         turns = np.floor(difference / (2.0 * np.pi) + 0.5)
         result: Reals = np.where(self.enhanced, difference, difference - 2.0 * np.pi * turns)
@@ -110,7 +112,11 @@ class HingeLaws:
 
     def energy(self, bends: Reals) -> Reals:
         """Return elastic energies at `bends` (K,) [rad]: (K,) [J]."""
-        energy: Reals = 0.5 * self.stiffness * self.difference(bends) ** 2
+        difference = self.difference(bends)
+        energy: Reals = 0.5 * self.stiffness * difference**2
+        p = self._power
+        if len(p):
+            energy[p] = 3.0 / 7.0 * self.stiffness[p] * np.abs(difference[p]) ** (7.0 / 3.0)
         past, limit, width, u = self._beyond(bends)
         start = limit - self.rest[past]
         grown = 0.5 * start**2 + start * (bends[past] - limit) - width**2 * np.log(np.cos(u))
@@ -119,7 +125,11 @@ class HingeLaws:
 
     def force(self, bends: Reals) -> Reals:
         """Return moments at `bends` (K,) [rad]: (K,) [N m], positive when they lower it."""
-        moment: Reals = self.stiffness * self.difference(bends)
+        difference = self.difference(bends)
+        moment: Reals = self.stiffness * difference
+        p = self._power
+        if len(p):
+            moment[p] *= np.cbrt(np.abs(difference[p]))
         past, limit, width, u = self._beyond(bends)
         moment[past] = self.stiffness[past] * (limit - self.rest[past] + width * np.tan(u))
         return moment
@@ -127,6 +137,9 @@ class HingeLaws:
     def tangent(self, bends: Reals) -> Reals:
         """Return d(moment)/d(angle) at `bends` (K,) [rad]: (K,) [N m/rad]."""
         tangent = self.stiffness.copy()
+        p = self._power
+        if len(p):
+            tangent[p] *= 4.0 / 3.0 * np.cbrt(np.abs(self.difference(bends)[p]))
         past, _, _, u = self._beyond(bends)
         tangent[past] /= np.cos(u) ** 2
         return tangent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from openprc.hooks import ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
+from openprc.hooks import ExporterSpec, ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
 
 OPENPRC_PLUGIN_API = "1.0"
 
@@ -63,6 +63,41 @@ def openprc_producers() -> list[ProducerSpec]:
             ),
             sample="openprc_merlin.samples:write_sample",
         )
+    ]
+
+
+_STRIDE = OptionSpec("stride", "keep every so many frames", kind="int", default=1)
+_MERLIN_EXPORT = (
+    OptionSpec(
+        "version",
+        "names of MERLIN (1) or MERLIN2 (2); by default those the run came with, else 2",
+        choices=("1", "2"),
+    ),
+    OptionSpec(
+        "rest",
+        "'stored', or 'first' where frame 0 is free of stress",
+        choices=("stored", "first"),
+        default="stored",
+    ),
+    OptionSpec("compress", "compress the variables", kind="bool", default=True),
+    _STRIDE,
+)
+
+
+@hookimpl
+def openprc_exporters() -> list[ExporterSpec]:
+    """Return the exporters to origami programs."""
+    return [
+        ExporterSpec(
+            name="merlin",
+            summary="Workspace of MERLIN or MERLIN2 (.mat): input, model and histories",
+            load="openprc_merlin.exporter:MerlinExporter",
+            citation="K. Liu, G. H. Paulino (2017), doi:10.1098/rspa.2017.0348",
+            suffixes=(".mat",),
+            needs=("scipy",),
+            install="pip install scipy",
+            options=_MERLIN_EXPORT,
+        ),
     ]
 
 

@@ -129,7 +129,7 @@ def orient(faces: Ints) -> Ints:
     rows = faces.tolist()
     at_edge: dict[tuple[int, int], list[int]] = {}
     for number, row in enumerate(rows):
-        for a, b in _sides(row):
+        for a, b in sides(row):
             at_edge.setdefault((min(a, b), max(a, b)), []).append(number)
     done = [False] * len(rows)
     for seed in range(len(rows)):
@@ -139,18 +139,19 @@ def orient(faces: Ints) -> Ints:
         pending = [seed]
         while pending:
             row = rows[pending.pop()]
-            for a, b in _sides(row):
+            for a, b in sides(row):
                 for other in at_edge[min(a, b), max(a, b)]:
                     if done[other]:
                         continue
-                    if (a, b) in _sides(rows[other]):
+                    if (a, b) in sides(rows[other]):
                         rows[other] = rows[other][::-1]
                     done[other] = True
                     pending.append(other)
     return np.array(rows, dtype=np.int64).reshape(-1, 3)
 
 
-def _sides(row: list[int]) -> tuple[tuple[int, int], ...]:
+def sides(row: list[int]) -> tuple[tuple[int, int], ...]:
+    """Return the three edges of a triangle in the sense of its winding."""
     return ((row[0], row[1]), (row[1], row[2]), (row[2], row[0]))
 
 
@@ -170,12 +171,12 @@ def triangles_to_hinges(faces: Ints) -> Ints:
     """
     wings: dict[tuple[int, int], list[tuple[bool, int]]] = {}
     for face in faces.tolist():
-        for (a, b), c in zip(_sides(face), (face[2], face[0], face[1]), strict=True):
+        for (a, b), c in zip(sides(face), (face[2], face[0], face[1]), strict=True):
             wings.setdefault((min(a, b), max(a, b)), []).append((a < b, c))
     rows = []
-    for (j, k), sides in sorted(wings.items()):
-        if len(sides) == 2:
-            first, second = sorted(sides, key=lambda side: not side[0])
+    for (j, k), both in sorted(wings.items()):
+        if len(both) == 2:
+            first, second = sorted(both, key=lambda side: not side[0])
             rows.append((j, k, first[1], second[1]))
     return np.array(rows, dtype=np.int64).reshape(-1, 4)
 

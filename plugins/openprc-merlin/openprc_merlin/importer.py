@@ -18,6 +18,7 @@ from openprc_merlin import (
     obj_sequence,
     reference,
     run,
+    stated,
     stored,
     verify,
     workspace,
@@ -85,8 +86,7 @@ class Importer:
         """
         path = Path(path)
         units = Units(options.get("unit") or "arb", options.get("force-unit") or "arb")
-        if options.get("unit") is None:
-            writer.note("MERLIN stores no unit: lengths are arbitrary; give unit=mm, cm or m")
+        time = options.get("time") or "increment"
         lent = None
         if options.get("reference") is not None:
             source = Path(options["reference"])
@@ -101,7 +101,11 @@ class Importer:
             variables: Mapping[str, Any] = {}
         else:
             container = containers.read(path)
-            variables = _merge(container.variables, lent, path)
+            said = stated.read(_merge(container.variables, lent, path), file=path)
+            variables = said.variables
+            units = Units(
+                options.get("unit") or said.length, options.get("force-unit") or said.force
+            )
             space = workspace.build(
                 variables,
                 file=path,
@@ -114,14 +118,18 @@ class Importer:
             if options.get("verify"):
                 outcome = verify.check(space, laws)
                 notes.append(outcome if isinstance(outcome, str) else outcome.text)
+            if said.has_time and time == "increment" and options.get("dt") is None:
+                time = stated.TIME
+        if units.length == "arb":
+            writer.note("MERLIN stores no unit: lengths are arbitrary; give unit=mm, cm or m")
         instants, unit, kind = run.clock(
             result.increments,
             dt=options.get("dt"),
-            time=options.get("time") or "increment",
+            time=time,
             variables=variables,
             file=path,
         )
-        if kind == "physical":
+        if kind == "physical" and time != stated.TIME:
             notes.append("the run is quasi-static; its time was given by the user")
         for note in notes:
             writer.note(note)
@@ -175,6 +183,9 @@ def assemble(
         comment = "force at every node for a load factor of 1, x y z"
         vectors = space.load.reference.reshape(-1, 3)
         extras["reference_load"] = (vectors, units.force, comment)
+    if laws.limits is not None:
+        comment = "ends of the linear range of the hinges"
+        extras["limits"] = (np.array(laws.limits), "deg", comment)
     if keep:
         extras |= _kept(space)
     bar_static: dict[str, run.Static] = {}

@@ -97,6 +97,9 @@ def _handles(variables: Mapping[str, Any], *paths: tuple[str, ...]) -> Iterator[
         value = _dig(variables, path)
         if isinstance(value, FunctionHandle) and value.text:
             yield value.text
+        elif isinstance(value, str) and value.startswith("@("):
+            # What could not be saved as a handle is saved as its text, for str2func.
+            yield value
 
 
 def _number(variables: Mapping[str, Any], word: str) -> float | None:

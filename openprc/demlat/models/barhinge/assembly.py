@@ -23,11 +23,10 @@ from openprc.demlat.models.barhinge.rigid_assembly import (
     rigid_scene,
 )
 from openprc.demlat.models.barhinge.tables import (
-    LEDGER,
-    LEDGER_STRIDE,
     Body,
     Cables,
     CubicBars,
+    LinearBends,
     LinearBars,
     LinearHinges,
     OgdenBars,
@@ -35,6 +34,7 @@ from openprc.demlat.models.barhinge.tables import (
     State,
     Struts,
     WalledHinges,
+    ledger_size,
 )
 from openprc.demlat.scaling import SimulationScaler
 from openprc.errors import UnsupportedScene
@@ -74,7 +74,7 @@ class Assembly:
         Added to saved positions; 0 unless in displacement form.
     reference_work : float [J]
         What gravity does on the way from the origin to `reference`, in the first scene.
-    idle_energy : bars, hinges [J]
+    idle_energy : bars, hinges, bends [J]
         Of elements between fixed nodes, which are not stepped.
     rigid : RigidScene, optional
         Where the integrator keeps constraints.
@@ -87,7 +87,7 @@ class Assembly:
     reference: Reals
     reference_work: float
     rigid: RigidScene | None = None
-    idle_energy: tuple[float, float] = (0.0, 0.0)
+    idle_energy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def assemble(
@@ -117,6 +117,7 @@ def assemble(
     first = experiments[0]
     geometry = first.geometry
     n_elements = int((~geometry.bars.rigid).sum() + (~geometry.hinges.rigid).sum())
+    n_elements += len(geometry.bends)
     if knows_constraints(first) or can_touch(first):
         dims = 3
     single = first.precision == "float32"
@@ -165,7 +166,7 @@ class _Assembler:
             self.positions = self.rigid.positions[np.newaxis]
 
     def column(self, kind: str, name: str, unit: float = 1.0) -> Reals:
-        """Return a parameter of bars or hinges of every scene, scaled: (S, E)."""
+        """Return a parameter of bars, hinges or bends of every scene, scaled: (S, E)."""
         return np.array([getattr(getattr(e.geometry, kind), name) for e in self.experiments]) / unit
 
     def result(self, *, ledger: bool) -> Assembly:
@@ -180,7 +181,10 @@ class _Assembler:
             inverse = np.where(self.held, 0.0, 1.0 / (masses[:, :, np.newaxis] * ones))
         free_drag = np.where(self.held, 0.0, drag[:, :, np.newaxis] * ones)
         free_weight = np.where(self.held, 0.0, weight)
-        n_bars, n_hinges = len(geometries[0].bars), len(geometries[0].hinges)
+        n_bars, n_hinges, n_bends = (
+            len(elements)
+            for elements in (geometries[0].bars, geometries[0].hinges, geometries[0].bends)
+        )
         reals = packing.coordinates
         body = Body(
             lanes=packing.lanes,
@@ -191,6 +195,7 @@ class _Assembler:
             weight=None if self.lean and not free_weight.any() else reals(free_weight),
             bars=tuple(self._bars()),
             hinges=tuple(self._hinges()),
+            bends=tuple(self._bends()),
             drives=drive_table(
                 self.experiments,
                 packing,
@@ -206,6 +211,7 @@ class _Assembler:
             scratch=(
                 *(np.zeros(n_bars), np.zeros(n_bars), np.zeros(n_hinges), np.zeros(n_hinges)),
                 geometries[0].hinges.rest_angle.copy(),
+                *(np.zeros(n_bends), np.zeros(n_bends)),
             ),
         )
         idle_energy = preset(body.scratch, geometries[0], self.idle, scale)
@@ -215,7 +221,7 @@ class _Assembler:
         state = State(
             x=reals((self.positions - self.reference) / scale.length),
             v=reals(velocities),
-            ledger=np.zeros(len(LEDGER) * LEDGER_STRIDE, packing.dtype) if ledger else None,
+            ledger=np.zeros(ledger_size(with_bends=n_bends > 0), packing.dtype) if ledger else None,
         )
         falling = float((weight[0] * self.reference[0]).sum()) / scale.length * scale.moment
         return Assembly(
@@ -316,6 +322,18 @@ class _Assembler:
             "high_room": 2.0 * np.pi - high,
         }
 
+    def _bends(self) -> Iterator[LinearBends]:
+        bends, scale = self.first.geometry.bends, self.scaler
+        columns = {
+            "stiffness": self.column("bends", "stiffness", scale.moment),
+            "rest_turn": np.pi - self.column("bends", "rest_angle"),
+            "damping": self.column("bends", "damping", scale.moment * scale.time),
+        }
+        # Scenes without bends have other code; in the others the ledger has a row for them.
+        if len(bends):
+            for blocks in self._blocks(bends.indices, np.flatnonzero(~self.idle.bends)):
+                yield self._group(LinearBends, blocks, columns, ("i", "j", "k"))
+
     def _blocks(self, indices: NDArray[np.int32], chosen: NDArray[np.int64]) -> Iterator[Blocks]:
         if len(chosen):
             yield from self.packing.blocks(indices, chosen)
@@ -351,6 +369,11 @@ class _Assembler:
             squares = np.einsum("sea,sea->se", along, along) - columns["relaxed"] ** 2
             values = [*along.transpose(2, 0, 1), squares]
             fills = [1.0, 0.0, 0.0, 0.0]
+        elif "rest_turn" in columns:
+            corners = self.reference[:, geometry.bends.indices] / unit
+            first, last = (corners[:, :, c] - corners[:, :, 1] for c in (0, 2))
+            values = [v for edge in (first, first + last) for v in edge.transpose(2, 0, 1)]
+            fills = [0.0] * 6
         else:
             corners = self.reference[:, geometry.hinges.indices] / unit
             j, k, i, l = (corners[:, :, c] for c in range(4))  # noqa: E741

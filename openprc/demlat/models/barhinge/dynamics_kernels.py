@@ -9,9 +9,15 @@ from numba import types
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import load, splat, store
 from openprc.demlat.models.barhinge.bar_kernels import add_bars, keep, observe_springs
+from openprc.demlat.models.barhinge.bend_kernels import add_all_bends, observe_bends
 from openprc.demlat.models.barhinge.drive_kernels import actuate
 from openprc.demlat.models.barhinge.hinge_kernels import add_hinges, observe_hinges
-from openprc.demlat.models.barhinge.tables import DRAG, LEDGER_STRIDE, PrintedDampers
+from openprc.demlat.models.barhinge.tables import (
+    BEND_ENERGY,
+    DRAG,
+    LEDGER_STRIDE,
+    PrintedDampers,
+)
 
 
 def first_force(body: Any, at: int, u: Any) -> Any:
@@ -102,6 +108,7 @@ def add_forces(
     """Add all forces but weight and drag, and their powers."""
     add_all_bars(body.bars, body, x, v, force, rates)
     add_all_hinges(body.hinges, body, x, v, force, rates)
+    add_all_bends(body.bends, body, x, v, force, rates)
     actuate(body.drives, v, force, rates, t, t_from, t_to)
 
 
@@ -162,11 +169,30 @@ def _observe_all_hinges(groups, body, x, v, energy):
     return one_by_one
 
 
+def observe_all_bends(groups: Any, body: Any, x: Any, v: Any, energy: Any) -> None:
+    """Write turns and moments to the body's scratch; add elastic energies to `energy`."""
+
+
+@chosen_by_type(observe_all_bends)
+def _observe_all_bends(groups, body, x, v, energy):
+    if len(groups) == 0:
+        return lambda groups, body, x, v, energy: None
+
+    def one_by_one(groups, body, x, v, energy):
+        share = observe_bends(
+            groups[0], body.space, body.stride, x, v, body.scratch[5], body.scratch[6]
+        )
+        keep(groups[0].lanes, energy, BEND_ENERGY * LEDGER_STRIDE, share)
+        observe_all_bends(groups[1:], body, x, v, energy)
+
+    return one_by_one
+
+
 @jit
 def observe(body: Any, x: Any, v: Any, energy: Any) -> None:
-    """Set `energy` (4 rows of the ledger's stride) [J]: kinetic, bars, hinges, weight.
+    """Set `energy` (`ENERGY_ROWS` of the ledger's stride) [J].
 
-    Lengths, tensions, angles minus rest angles and moments go to the body's scratch.
+    Lengths, tensions, angles minus rest angles, turns and moments go to the body's scratch.
     """
     energy[:] = 0.0
     lanes = body.lanes
@@ -179,3 +205,4 @@ def observe(body: Any, x: Any, v: Any, energy: Any) -> None:
     keep(lanes, energy, 3 * LEDGER_STRIDE, -falling)
     observe_all_bars(body.bars, body, x, v, energy)
     observe_all_hinges(body.hinges, body, x, v, energy)
+    observe_all_bends(body.bends, body, x, v, energy)

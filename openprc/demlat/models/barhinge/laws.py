@@ -147,6 +147,18 @@ def wall_energy(excess: float, stiffness: float, room: float) -> float:
     return -stiffness * (scale * scale * math.log(math.cos(excess / scale)) + 0.5 * excess * excess)
 
 
+# --- bends --------------------------------------------------------------------------------
+
+#: Arms whose product of sines is below this share of their lengths lie on one line: what is left
+#: is rounding, and says nothing about the side that they bend to.
+COLLINEAR = 1e-13
+
+
+def collinear(square: float, first: float, second: float) -> bool:
+    """Say whether arms u and v lie on one line, from ``|u x v|^2``, ``u.u`` and ``v.v``."""
+    return square < COLLINEAR * COLLINEAR * first * second
+
+
 # --- tangents: derivatives of the laws above, for implicit schemes -----------------------------
 
 

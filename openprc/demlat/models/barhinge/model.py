@@ -12,7 +12,7 @@ from openprc.demlat.backends.choose import Choice, choose_backend
 from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
-from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
+from openprc.demlat.models.barhinge.tables import BEND_ENERGY, ENERGY_ROWS, LEDGER_STRIDE, FrameBuffer
 from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 
@@ -31,7 +31,7 @@ BLOCK_WORK = 20_000_000
 
 
 class BarHingeModel:
-    """Nodes with mass, bars with axial springs, hinges with torsional springs.
+    """Nodes with mass, bars with axial springs, hinges and bends with torsional springs.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class BarHingeModel:
         scheme = self._scheme = self.integrator.load().for_body(assembly.body, settings)
         control = make_control(self.integrator.step, settings, experiment.steps_per_frame)
         body, state, scale = assembly.body, assembly.state, assembly.scaler.output
-        energy = np.zeros(4 * LEDGER_STRIDE, body.mass.dtype)
+        energy = np.zeros(ENERGY_ROWS * LEDGER_STRIDE, body.mass.dtype)
         out = self._buffer(assembly)
         advance(scheme, body, state, energy, control, -1, 1, scale, out)
         yield 0, self._finished(assembly, out, 1)
@@ -144,8 +144,9 @@ class BarHingeModel:
 
     def _buffer(self, assembly: Assembly) -> FrameBuffer:
         experiment, geometry = self.experiment, self.experiment.geometry
-        elements = len(geometry.bars) + 4 * len(geometry.hinges) + geometry.n_nodes
-        frame_bytes = 48 * geometry.n_nodes + 16 * (len(geometry.bars) + len(geometry.hinges))
+        angles = len(geometry.hinges) + len(geometry.bends)
+        elements = len(geometry.bars) + 4 * angles + geometry.n_nodes
+        frame_bytes = 48 * geometry.n_nodes + 16 * (len(geometry.bars) + angles)
         frame_work = self.integrator.stages * experiment.steps_per_frame * elements
         most = min(BLOCK_BYTES // frame_bytes, BLOCK_WORK // frame_work)
         return FrameBuffer.for_frames(
@@ -154,6 +155,7 @@ class BarHingeModel:
             dims=assembly.packing.dims,
             n_bars=len(geometry.bars),
             n_hinges=len(geometry.hinges),
+            n_bends=len(geometry.bends),
         )
 
     def _finished(self, assembly: Assembly, out: FrameBuffer, count: int) -> FrameBuffer:
@@ -161,7 +163,9 @@ class BarHingeModel:
         if assembly.reference.any():
             block.x[...] += assembly.reference[0, :, : assembly.packing.dims]
             block.energy[:, 3] -= assembly.reference_work
-        block.energy[:, 1:3] += assembly.idle_energy
+        for kind, energy in zip((1, 2, BEND_ENERGY), assembly.idle_energy, strict=True):
+            if energy:
+                block.energy[:, kind] += energy
         return block
 
     def _diverged(self, assembly: Assembly, coordinate: int, time: float) -> Diverged:

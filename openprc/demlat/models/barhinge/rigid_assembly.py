@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.demlat.integrators import INTEGRATORS, Settings
-from openprc.demlat.models.barhinge.tables import LEDGER, LEDGER_STRIDE
+from openprc.demlat.models.barhinge.tables import ledger_size
 from openprc.demlat.signal_table import columns_of, sample_signal
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def rigid_elements(
         pull_axis=pull[2],
         force=np.zeros(coordinates),
         acceleration=np.zeros(coordinates),
-        rates=np.zeros(len(LEDGER) * LEDGER_STRIDE),
+        rates=np.zeros(ledger_size(with_bends=len(geometry.bends) > 0)),
         status=np.array([-1.0, 0.0, 0.0]),
     )
 

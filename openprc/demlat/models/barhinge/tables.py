@@ -19,11 +19,20 @@ Reals = NDArray[np.float64]
 Places = NDArray[np.int32]
 Lanes = tuple[float, ...]
 
-#: Rows of the power and energy ledgers: what actuators put in, and what each loss takes.
-LEDGER = ("work_in", "drag", "bars", "hinges", "contact")
-WORK_IN, DRAG, BARS, HINGES, CONTACT = range(5)
+#: Rows of the power and energy ledgers: what actuators put in, and what each loss takes. The
+#: last one is there where a scene has bends.
+LEDGER = ("work_in", "drag", "bars", "hinges", "contact", "bends")
+WORK_IN, DRAG, BARS, HINGES, CONTACT, BENDS = range(6)
+#: Rows of energies: kinetic, of bars, of hinges, of weight, of bends.
+ENERGY_ROWS = 5
+BEND_ENERGY = 4
 #: Between the rows; each group of elements uses as many columns as it has lanes.
 LEDGER_STRIDE = 16
+
+
+def ledger_size(*, with_bends: bool) -> int:
+    """Return how many numbers a ledger has."""
+    return (len(LEDGER) if with_bends else BENDS) * LEDGER_STRIDE
 
 
 class LinearBars(NamedTuple):
@@ -179,6 +188,33 @@ class WalledHinges(NamedTuple):
     high_room: Reals
 
 
+class LinearBends(NamedTuple):
+    """B blocks of bends with vertex j and ends i, k.
+
+    Attributes
+    ----------
+    lanes, element
+        As in `LinearBars`.
+    i, j, k : (B,) or (B, width) i4
+    stiffness, damping : (B * width,) [N*m/rad], [N*m*s/rad]
+        `damping` is None where no bend of the group has any.
+    rest_turn : (B * width,) [rad]
+        Pi minus the rest angle: 0 where straight is at rest.
+    offset : None or six arrays (B * width,) or (B, 1) [m]
+        In displacement form: the arm j to i in the reference state, and the sum of both arms.
+    """
+
+    lanes: Lanes
+    element: Places
+    i: Places
+    j: Places
+    k: Places
+    stiffness: Reals
+    rest_turn: Reals
+    damping: Reals | None
+    offset: tuple[Reals, ...] | None
+
+
 class Drives(NamedTuple):
     """Which signal drives which coordinate, one row a coordinate (and lane).
 
@@ -227,14 +263,16 @@ class Body(NamedTuple):
     weight : None or (dims * stride,) [N]
         Likewise.
     bars, hinges : tuple of groups
+    bends : tuple of groups
+        Empty where the scene has none, else at least one.
     drives : Drives or None
     contacts : tuple of at most one `openprc.demlat.contact.table.ContactTable`
     constraints : ConstraintTable or None
     mass, full_weight : (dims * stride,) [kg], [N]
         Of all coordinates, for energies.
-    scratch : five arrays (M,), (M,), (K,), (K,), (K,)
+    scratch : seven arrays (M,), (M,), (K,), (K,), (K,), (E,), (E,)
         Lengths, tensions, angles minus rest angles and moments of the last `observe`, and the
-        rest angles.
+        rest angles; turns (pi minus the angle) and moments of bends.
     """
 
     lanes: Lanes
@@ -245,12 +283,13 @@ class Body(NamedTuple):
     weight: Reals | None
     bars: tuple[Any, ...]
     hinges: tuple[Any, ...]
+    bends: tuple[Any, ...]
     drives: Drives | None
     contacts: tuple[Any, ...]
     constraints: Any
     mass: Reals
     full_weight: Reals
-    scratch: tuple[Reals, Reals, Reals, Reals, Reals]
+    scratch: tuple[Reals, Reals, Reals, Reals, Reals, Reals, Reals]
 
 
 class State(NamedTuple):
@@ -259,7 +298,7 @@ class State(NamedTuple):
     Attributes
     ----------
     x, v : (dims * stride,) [m], [m/s]
-    ledger : (5 * LEDGER_STRIDE,) [J], or None
+    ledger : (5 or 6 * LEDGER_STRIDE,) [J], or None
         Rows as in `LEDGER`; the columns add up.
     """
 
@@ -276,10 +315,11 @@ class FrameBuffer(NamedTuple):
     x, v : (B, N, dims) [m], [m/s]
     length, tension : (B, M) [m], [N]
     angle, moment : (B, K) [rad], [N*m]
-    energy : (B, 4) [J]
-        Kinetic, of bars, of hinges, of weight.
-    ledger : (B, 5) [J]
+    energy : (B, 4 or 5) [J]
+        Kinetic, of bars, of hinges, of weight; of bends where there are any.
+    ledger : (B, 5 or 6) [J]
         As in `LEDGER`, since t = 0.
+    bend_angle, bend_moment : (B, E) [rad], [N*m]
     """
 
     x: Reals
@@ -290,12 +330,16 @@ class FrameBuffer(NamedTuple):
     moment: Reals
     energy: Reals
     ledger: Reals
+    bend_angle: Reals = np.zeros((0, 0))
+    bend_moment: Reals = np.zeros((0, 0))
 
     @classmethod
     def for_frames(
-        cls, n_frames: int, *, n_nodes: int, dims: int, n_bars: int, n_hinges: int
+        cls, n_frames: int, *, n_nodes: int, dims: int, n_bars: int, n_hinges: int, n_bends: int = 0
     ) -> FrameBuffer:
         """Return a buffer for a block of `n_frames` frames."""
         nodes = (n_frames, n_nodes, dims)
-        widths = (n_bars, n_bars, n_hinges, n_hinges, 4, len(LEDGER))
+        with_bends = n_bends > 0
+        ledger = ledger_size(with_bends=with_bends) // LEDGER_STRIDE
+        widths = (n_bars, n_bars, n_hinges, n_hinges, 4 + with_bends, ledger, n_bends, n_bends)
         return cls(np.zeros(nodes), np.zeros(nodes), *(np.zeros((n_frames, w)) for w in widths))

@@ -1,0 +1,157 @@
+"""Equilibrium paths through limit points and snap-backs: the load factor is an unknown, too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from openprc.errors import ConfigError, NotConverged
+from openprc_merlin.equilibrium_path import Balance, PathPoint, StepFailed, gave_up
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from openprc.demlat.statics.symmetric_factors import SymmetricFactors
+
+    Floats = NDArray[np.float64]
+
+#: Fewer iterations than this let the next step grow ...
+_FEW = 3
+#: ... by this factor.
+_GROWTH = 1.5
+
+
+def arc_length_path(
+    balance: Balance, start: Floats, *, first_factor: float
+) -> Iterator[PathPoint]:
+    """Follow the equilibria under a growing and shrinking load, without end.
+
+    The modified generalised displacement control method (Leon, Lages, de Araujo & Paulino
+    2014, doi:10.1016/j.mechrescom.2013.12.001). With dp the displacement per unit of load and
+    dr that of the force out of balance, an increment begins with ``b sqrt(|dp_1|^2 / |dp|^2)``
+    times the load, dp_1 being that of the first increment, in the direction in which dp goes on
+    from the increment before; so all increments are about equally long, and the load turns at a
+    limit point by itself. Corrections keep the displacement along the predictor:
+    ``-(dp_0 . dr) / (dp_0 . dp)`` of the load, dp_0 that of the increment's beginning.
+
+    b is halved and the increment repeated when it takes more than the iterations allowed, and
+    grows by half after one of less than three.
+
+    Parameters
+    ----------
+    balance : Balance
+    start : (N, 3) [m]
+        An equilibrium without the reference load.
+    first_factor : float
+        b, the load factor that the first increment aims at.
+
+    Yields
+    ------
+    PathPoint
+        After each increment; `start` is not repeated.
+
+    Raises
+    ------
+    ConfigError
+        When the reference load does not act on any free axis, or `first_factor` is 0.
+    NotConverged
+        When no step down to `PathSettings.least_step` leads on.
+    """
+    if not balance.free_reference.any():
+        raise ConfigError(
+            "no reference load on an axis that can move",
+            expected="force actuators whose signals do not end at 0",
+            fix="give them one, or follow the positions with control=displacement",
+            key="control",
+        )
+    if not (np.isfinite(first_factor) and first_factor != 0.0):
+        raise ConfigError(
+            f"{first_factor}",
+            expected="the load factor of the first increment, not 0",
+            fix="a hundredth of the load where the body snaps is a good start",
+            key="initial-load-factor",
+        )
+    search = _ArcLength(balance, start, first_factor)
+    while True:
+        yield search.advance()
+
+
+class _ArcLength:
+    """Where the path has got to, and how long the next step is."""
+
+    def __init__(self, balance: Balance, start: Floats, first_factor: float) -> None:
+        self.balance = balance
+        self.x, self.factor = start.copy(), 0.0
+        self.b = self.first = first_factor
+        self.sign = 1.0
+        self.count = 0
+        self.square = 0.0
+        self.before: Floats | None = None
+        self.tangent: SymmetricFactors = balance.factors(self.x)
+
+    def advance(self) -> PathPoint:
+        """Return the next point."""
+        balance = self.balance
+        forward = self.tangent.solve(balance.free_reference)
+        length = float(forward @ forward)
+        if self.before is None:
+            self.square = length
+        elif float(self.before @ forward) < 0.0:
+            self.sign = -self.sign
+        ratio = np.sqrt(self.square / length)
+        self._keep_short(np.abs(forward).max() * ratio)
+        while True:
+            try:
+                return self._increment(forward, self.sign * self.b * ratio)
+            except (StepFailed, NotConverged) as failed:  # an element may have collapsed, too
+                reason = failed.found if isinstance(failed, NotConverged) else str(failed)
+            self.b *= 0.5
+            share = abs(self.b / self.first)
+            if share < balance.settings.least_step:
+                raise gave_up(
+                    f"increment {self.count + 1}, load factor {self.factor:.6g}",
+                    reason,
+                    step=f"the step is down to {share:.1g} of the first one",
+                    fix="begin with a smaller initial-load-factor, or look at the last frames:"
+                    " elements may have collapsed there",
+                )
+
+    def _keep_short(self, size: float) -> None:
+        """Shorten the step of a body that is soft to its load at first, as a flat sheet is."""
+        if abs(self.b) * size > self.balance.longest:
+            self.b = float(np.copysign(self.balance.longest / size, self.b))
+            if self.count == 0:
+                self.first = self.b
+
+    def _increment(self, forward: Floats, predicted: float) -> PathPoint:
+        balance, allowed = self.balance, self.balance.settings.max_iterations
+        x, factor = balance.moved(self.x, predicted * forward), self.factor + predicted
+        for iteration in range(2, allowed + 1):
+            tangent = balance.factors(x)
+            x, factor, size = self._corrected(x, factor, forward, tangent)
+            if size < balance.least:
+                break
+        else:
+            raise StepFailed(f"{allowed} iterations were not enough")
+        # What the tangent at hand still improves costs no factorisation.
+        x, factor, _ = self._corrected(x, factor, forward, tangent)
+        self.x, self.factor, self.tangent, self.before = x, factor, tangent, forward
+        self.count += 1
+        if iteration < _FEW:
+            self.b *= _GROWTH
+        return balance.point(x, factor, iterations=iteration, n_negative=tangent.n_negative)
+
+    def _corrected(
+        self, x: Floats, factor: float, forward: Floats, tangent: SymmetricFactors
+    ) -> tuple[Floats, float, float]:
+        """Return the state after one correction, and its length [m]."""
+        balance = self.balance
+        wrong = balance.out_of_balance(x, factor)
+        both = tangent.solve(np.stack([balance.free_reference, wrong], axis=1))
+        change = -float(forward @ both[:, 1]) / float(forward @ both[:, 0])
+        step = change * both[:, 0] + both[:, 1]
+        share = balance.allowed_share(step)
+        moved = balance.moved(x, share * step)
+        return moved, factor + share * change, share * float(np.linalg.norm(step))

@@ -1,0 +1,171 @@
+"""The loop over steps: what turns Bullet's semi-implicit Euler scheme into leapfrog.
+
+Bullet takes ``v += h a(x, v)``, ``x += h v``. Started with the velocity of half a step earlier,
+``v0 - a0 h / 2``, the same steps are those of the leapfrog scheme (Verlet 1967,
+doi:10.1103/PhysRev.159.98), of second order: Bullet's velocities are those in the middle of
+steps, and the velocity at a step's end is that plus ``a h / 2``. Forces that depend on velocity
+are given the one predicted for the same instant with the last acceleration, as velocity Verlet
+does (Swope et al. 1982, doi:10.1063/1.442716), which keeps the order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from openprc_pybullet.neutral_world import NeutralWorld
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from numpy.typing import NDArray
+
+    from openprc.demlat.forces import ForceField
+    from openprc.schema import Experiment
+
+    Reals = NDArray[np.float64]
+
+
+class HalfKickLoop:
+    """Steps a body of point masses in Bullet under the forces of a field.
+
+    Parameters
+    ----------
+    pybullet, client : module, int
+        A fresh server.
+    experiment : Experiment
+    field : ForceField
+        Of that experiment.
+    half_kick : bool
+        False: start with the velocities as they are, which leaves semi-implicit Euler.
+
+    Attributes
+    ----------
+    positions, velocities : (N, 3) [m], [m/s]
+        At `time`; without a half kick, velocities are Bullet's own.
+    ledger : (5,) [J]
+        Integrals of `ForceField.power`.
+    """
+
+    def __init__(
+        self,
+        pybullet: ModuleType,
+        client: int,
+        *,
+        experiment: Experiment,
+        field: ForceField,
+        half_kick: bool,
+    ) -> None:
+        geometry = experiment.geometry
+        self.field = field
+        self.half_kick = half_kick
+        self.step = experiment.save_interval / experiment.steps_per_frame
+        self.number = 0
+        held = experiment.held_axes
+        self._free = (~held).astype(np.float64)
+        masses = np.where(held.all(axis=1), 0.0, geometry.masses)
+        self._inverse_mass = self._free / np.where(masses > 0.0, masses, 1.0)[:, np.newaxis]
+        driven = held & ~geometry.fixed[:, np.newaxis]
+        self._driven_rows = np.flatnonzero(driven.any(axis=1))
+        self._driven = driven
+        self._driven_mass = np.where(driven, geometry.masses[:, np.newaxis], 0.0)
+        self.positions = geometry.positions.copy()
+        self.velocities = geometry.velocities.copy()
+        self.ledger = np.zeros_like(field.power)
+        self._force = np.zeros_like(self.positions)
+        self._push = np.zeros_like(self.positions)
+        self._drift = np.zeros_like(self.positions)
+        field.place(self.positions, self.velocities)
+        self._evaluate("after")
+        self._acceleration = self._force * self._inverse_mass
+        np.multiply(self._force, self._free, out=self._push)
+        back = 0.5 * self.step if half_kick else 0.0
+        self._drift[...] = self.velocities - back * self._acceleration
+        self._power = self._powers()
+        self._driven_energy = self._energy_of_driven()
+        self.world = NeutralWorld(
+            pybullet,
+            client,
+            step=self.step,
+            positions=self.positions,
+            velocities=self._drift,
+            masses=masses,
+        )
+
+    @property
+    def time(self) -> float:
+        """Where the body is [s]."""
+        return self.number * self.step
+
+    def advance(self, count: int) -> None:
+        """Take `count` steps; after the last one velocities are up to date."""
+        always = self.field.needs_velocities
+        for done in range(1, count + 1):
+            self._advance(with_velocities=always or done == count)
+
+    def _advance(self, *, with_velocities: bool) -> None:
+        world, field, half = self.world, self.field, 0.5 * self.step
+        world.step(self.positions, self._push)
+        self.number += 1
+        world.read_positions(self.positions)
+        if with_velocities:
+            world.read_velocities(self._drift)
+        side = "after"
+        kick = 0.0
+        if self.half_kick:
+            side, kick = "before", half
+        np.multiply(self._acceleration, kick, out=self.velocities)
+        self.velocities += self._drift
+        field.place(self.positions, self.velocities, time=self.time, side=side)
+        self._evaluate(side)
+        np.multiply(self._force, self._inverse_mass, out=self._acceleration)
+        np.multiply(self._force, self._free, out=self._push)
+        if not with_velocities:
+            return
+        power = self._powers()
+        self.ledger += half * (self._power + power)
+        self._power = power
+        np.multiply(self._acceleration, kick, out=self.velocities)
+        self.velocities += self._drift
+        field.place(self.positions, self.velocities, time=self.time, side=side)
+        if self.half_kick and field.may_jump(self.time):
+            self._cross_jump()
+        for row in self._driven_rows:
+            self._drift[row] = np.where(self._driven[row], self.velocities[row], self._drift[row])
+            world.put(row, self.positions[row], self._drift[row])
+
+    def _cross_jump(self) -> None:
+        """Let half of the kick be that of before a jump, and half that of after it."""
+        field, before = self.field, self.positions.copy()
+        field.place(self.positions, self.velocities, time=self.time)
+        if not np.array_equal(before, self.positions):
+            gained = field.energies(self.positions, self.velocities)[1:].sum()
+            self.ledger[0] += gained - field.energies(before, self.velocities)[1:].sum()
+        self._evaluate("after")
+        np.multiply(self._force, self._inverse_mass, out=self._acceleration)
+        self._push += self._force * self._free
+        self._push *= 0.5
+        self._power = self._powers()
+
+    def _evaluate(self, side: str) -> None:
+        self.field(
+            self.positions, self.velocities, time=self.time, side=side, out=self._force
+        )
+
+    def _powers(self) -> Reals:
+        """Return the powers of the ledger [W], with what moving driven nodes takes."""
+        power = self.field.power.copy()
+        if len(self._driven_rows):
+            power[0] -= float((self._force * self.velocities)[self._driven].sum())
+        return power
+
+    def _energy_of_driven(self) -> float:
+        return 0.5 * float((self._driven_mass * self.velocities**2).sum())
+
+    @property
+    def balance(self) -> Reals:
+        """The ledger as it is stored: work includes what moves the driven masses: (5,) [J]."""
+        ledger = self.ledger.copy()
+        ledger[0] += self._energy_of_driven() - self._driven_energy
+        return ledger
