@@ -188,9 +188,9 @@ def _difference(first: Experiment, other: Experiment) -> str:
     one, two = first.geometry, other.geometry
     if one.n_nodes != two.n_nodes:
         return "another number of nodes"
-    for kind in ("bars", "hinges"):
+    for kind in ("bars", "hinges", "bends"):
         left, right = getattr(one, kind), getattr(two, kind)
-        for column in ("indices", "law", "rigid"):
+        for column in ("indices",) if kind == "bends" else ("indices", "law", "rigid"):
             if not np.array_equal(getattr(left, column), getattr(right, column)):
                 return f"other {kind} ({column})"
     return ""

@@ -1,4 +1,4 @@
-"""`GeometryBuilder`: nodes, bars, hinges and faces, added one by one."""
+"""`GeometryBuilder`: nodes, bars, hinges, bends and faces, added one by one."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ import numpy as np
 
 from openprc.demlat.observables import hinge_angles
 from openprc.errors import ConfigError
-from openprc.schema.geometry import FULL_TURN, BarLaw, Bars, Geometry, HingeLaw, Hinges
+from openprc.schema.bend_angle import bend_angles
+from openprc.schema.geometry import FULL_TURN, BarLaw, Bars, Bends, Geometry, HingeLaw, Hinges
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+#: Within this angle of straight three nodes count as straight [rad].
+COLLINEAR = 1e-9
 
 
 class GeometryBuilder:
@@ -24,6 +28,7 @@ class GeometryBuilder:
         self._nodes: list[dict[str, Any]] = []
         self._bars: list[dict[str, Any]] = []
         self._hinges: list[dict[str, Any]] = []
+        self._bends: list[dict[str, Any]] = []
         self._faces: list[list[int]] = []
 
     @property
@@ -185,6 +190,47 @@ class GeometryBuilder:
         )
         return len(self._hinges) - 1
 
+    def add_bend(
+        self,
+        nodes: Sequence[SupportsIndex],
+        *,
+        stiffness: float,
+        rest_angle: float | None = None,
+        damping: float = 0.0,
+    ) -> int:
+        """Add a bending spring between two arms that meet at a node, and return its index.
+
+        Parameters
+        ----------
+        nodes : [end, vertex, end]
+        stiffness : float [N*m/rad]
+            ``E I / l`` for a rod cut into segments of length l.
+        rest_angle : float [rad], optional
+            pi is straight; the angle of the nodes as they are now unless given.
+        damping : float [N*m*s/rad]
+        """
+        if len(nodes) != 3:
+            raise ConfigError(
+                f"a bend with {len(nodes)} nodes",
+                expected="three: [end, vertex, end]",
+                key="nodes",
+            )
+        indices = [self.node_index(node) for node in nodes]
+        if rest_angle is None:
+            rows = np.array([[node["position"] for node in self._nodes]])
+            rest_angle = float(bend_angles(rows, np.array([indices]))[0, 0])
+            # Three nodes on a line are straight, whatever rounding makes of them.
+            rest_angle = np.pi if np.pi - rest_angle < COLLINEAR else rest_angle
+        self._bends.append(
+            {
+                "indices": indices,
+                "stiffness": number(stiffness, "stiffness"),
+                "rest_angle": number(rest_angle, "rest_angle"),
+                "damping": number(damping, "damping"),
+            }
+        )
+        return len(self._bends) - 1
+
     def add_face(self, nodes: Sequence[SupportsIndex]) -> int:
         """Add a triangle for display and return its index; it has no mechanics."""
         if len(nodes) != 3:
@@ -217,6 +263,7 @@ class GeometryBuilder:
             labels=tuple(labels) if any(labels) else None,
             bars=Bars(**_columns(self._bars)),
             hinges=Hinges(**_columns(self._hinges)),
+            bends=Bends(**_columns(self._bends)),
             faces=np.array(self._faces, dtype="i4"),
         )
 
@@ -236,6 +283,7 @@ class GeometryBuilder:
         ]
         self._bars = _rows(geometry.bars, _BAR_COLUMNS)
         self._hinges = _rows(geometry.hinges, _HINGE_COLUMNS)
+        self._bends = _rows(geometry.bends, _BEND_COLUMNS)
         self._faces = [list(map(int, face)) for face in geometry.faces]
 
     def node_index(self, node: SupportsIndex) -> int:
@@ -258,13 +306,14 @@ class GeometryBuilder:
 
 _BAR_COLUMNS = tuple(column.name for column in fields(Bars))
 _HINGE_COLUMNS = tuple(column.name for column in fields(Hinges))
+_BEND_COLUMNS = tuple(column.name for column in fields(Bends))
 
 
 def _columns(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {key: np.array([row[key] for row in rows]) for key in (rows[0] if rows else ())}
 
 
-def _rows(elements: Bars | Hinges, columns: tuple[str, ...]) -> list[dict[str, Any]]:
+def _rows(elements: Bars | Hinges | Bends, columns: tuple[str, ...]) -> list[dict[str, Any]]:
     table = {key: getattr(elements, key).tolist() for key in columns}
     return [{key: table[key][e] for key in columns} for e in range(len(elements))]
 

@@ -11,7 +11,7 @@ from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
 from openprc.demlat.signal_table import sample_signal
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
-from openprc.schema.geometry import Bars, Hinges
+from openprc.schema.geometry import Bars, Bends, Hinges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 #: Columns of `FrameBuffer.energy` and `FrameBuffer.ledger`.
 ENERGIES = ("kinetic_energy", "elastic_energy_bars", "elastic_energy_hinges", "gravity_energy")
 LOSSES = ("dissipated_drag", "dissipated_bars", "dissipated_hinges", "dissipated_contact")
+#: The last column of either, in scenes with bends.
+OF_BENDS = ("elastic_energy_bends", "dissipated_bends")
 TOTALS = ("potential_energy", "total_energy", "work_in", "dissipated")
 
 
@@ -156,9 +158,19 @@ class FrameRecorder:
                     limit_high="rad",
                 ),
             )
+        if len(geometry.bends):
+            writer.declare_elements(
+                "bends",
+                geometry.bends.indices,
+                series={"angle": "rad", "torque": "N*m"} if self.stored.elements else {},
+                dtype=self.dtype,
+                static=_constants(
+                    geometry.bends, rest_angle="rad", stiffness="N*m/rad", damping="N*m*s/rad"
+                ),
+            )
         if len(geometry.faces):
             writer.declare_elements("faces", geometry.faces)
-        for name in (*ENERGIES, *LOSSES, *TOTALS):
+        for name in (*ENERGIES, *LOSSES, *TOTALS, *(OF_BENDS if len(geometry.bends) else ())):
             writer.declare_system(name, unit="J")
         for name, settings in self.inputs.items():
             writer.declare_input(name, **settings["declaration"])
@@ -176,8 +188,14 @@ class FrameRecorder:
         if self.stored.elements and len(geometry.hinges):
             elements["hinges", "angle"] = block.angle
             elements["hinges", "torque"] = block.moment
+        if self.stored.elements and len(geometry.bends):
+            elements["bends", "angle"] = block.bend_angle
+            elements["bends", "torque"] = block.bend_moment
         system = {name: block.energy[:, kind] for kind, name in enumerate(ENERGIES)}
         system |= {name: block.ledger[:, kind] for kind, name in enumerate(LOSSES, 1)}
+        if len(geometry.bends):
+            for name, columns in zip(OF_BENDS, (block.energy, block.ledger), strict=True):
+                system[name] = columns[:, -1]
         system["work_in"] = block.ledger[:, 0]
         system["dissipated"] = block.ledger[:, 1:].sum(axis=1)
         system["potential_energy"] = block.energy[:, 1:].sum(axis=1)
@@ -195,8 +213,10 @@ class FrameRecorder:
         )
 
 
-def _constants(elements: Bars | Hinges, **units: str) -> dict[str, tuple[Any, str | None]]:
+def _constants(elements: Bars | Hinges | Bends, **units: str) -> dict[str, tuple[Any, str | None]]:
     """Return the constants of elements; special ones only where they say something."""
+    if isinstance(elements, Bends):  # they have one law, and are never rigid
+        return {name: (getattr(elements, name), unit) for name, unit in units.items()}
     special = {
         "stiffness_cubic": (elements.law == "cubic").any(),
         "damping_cubic": (elements.law == "cubic").any(),

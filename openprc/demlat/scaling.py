@@ -48,7 +48,8 @@ class SimulationScaler:
         mass = _power_of_two(_mean(geometry.masses))
         stiffness = _mean(geometry.bars.stiffness[~geometry.bars.rigid])
         if stiffness == 0.0:
-            stiffness = _mean(geometry.hinges.stiffness[~geometry.hinges.rigid]) / length**2
+            soft = geometry.hinges.stiffness[~geometry.hinges.rigid]
+            stiffness = _mean(np.append(soft, geometry.bends.stiffness)) / length**2
         gravity = float(np.linalg.norm(experiment.gravity))
         if stiffness > 0.0:
             time = math.sqrt(mass / stiffness)

@@ -124,6 +124,8 @@ def _refusals(experiment: Experiment, backend: str) -> Iterator[Finding]:
                 f"{int(rigid.sum())} rigid {name}",
                 f"soft {name}",
             )
+    if len(geometry.bends):
+        yield finding("BENDS", "elements/bends", f"{len(geometry.bends)} bends", "bars and hinges")
     stops = (hinges.law == "linear") & hinges.limited
     if stops.any():
         yield finding(

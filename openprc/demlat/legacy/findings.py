@@ -27,6 +27,8 @@ def legacy_refusals(experiment: Experiment) -> Iterator[Finding]:
     bars, hinges = geometry.bars, geometry.hinges
     if (bars.law != "linear").any() or (hinges.law != "linear").any():
         yield _refusal("elements/*/law", "an element with a law of its own", "linear elements")
+    if len(geometry.bends):
+        yield _refusal("elements/bends", "a bend", "bars and hinges")
     if hinges.damping.any():
         yield _refusal("elements/hinges/damping", "a hinge with damping", "undamped hinges")
     if hinges.limited.any():

@@ -10,6 +10,12 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from openprc.demlat.signal_table import sample_signal
+from openprc.demlat.statics.bending import (
+    BendLaws,
+    bend_gradients,
+    bend_stiffness,
+    bend_turns,
+)
 from openprc.demlat.statics.element_laws import BarLaws, HingeLaws
 from openprc.demlat.statics.element_shapes import bar_directions, hinge_bends, hinge_gradients
 
@@ -32,12 +38,12 @@ class Culprit(NamedTuple):
 
     Attributes
     ----------
-    kind : {"bar", "hinge", "node"}
+    kind : {"bar", "hinge", "bend", "node"}
     number : int
     text : str
     """
 
-    kind: Literal["bar", "hinge", "node"]
+    kind: Literal["bar", "hinge", "bend", "node"]
     number: int
     text: str
 
@@ -98,7 +104,7 @@ class TangentOperators:
     drag : float [1/s]
         What the global damping adds to C, the same for every node.
     damped : bool
-        Whether some bar or hinge has a dashpot.
+        Whether some bar, hinge or bend has a dashpot.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -113,7 +119,10 @@ class TangentOperators:
         self.drag = experiment.damping / float(massive.mean()) if len(massive) else 0.0
         self._take_bars(experiment)
         self._take_hinges(experiment)
-        self.damped = bool(self._dashpots.any() or self._hinge_dashpots.any())
+        self._take_bends(experiment)
+        self.damped = bool(
+            self._dashpots.any() or self._hinge_dashpots.any() or self._bend_dashpots.any()
+        )
 
     def _take_bars(self, experiment: Experiment) -> None:
         bars = experiment.geometry.bars
@@ -152,6 +161,19 @@ class TangentOperators:
         size = float(np.ptp(x, axis=0).max(initial=0.0))
         self._difference = DIFFERENCE * (size or 1.0)
 
+    def _take_bends(self, experiment: Experiment) -> None:
+        bends, x = experiment.geometry.bends, self._positions
+        laws, turns = BendLaws(bends), bend_turns(x, bends.indices)
+        self._vertices = bends.indices
+        self._bend_blocks = bend_stiffness(
+            x, bends.indices, laws.force(turns), laws.tangent(turns)
+        )
+        # A dashpot acts as a spring of that stiffness without a moment does; straight arms
+        # resist both ways of bending.
+        none = np.zeros(len(bends))
+        shapes = bend_stiffness(x, bends.indices, none, np.ones(len(bends)))
+        self._bend_dashpots = bends.damping[:, None, None, None, None] * shapes
+
     # --- products ---------------------------------------------------------------------------
 
     def displacement(self, y: Reals) -> Reals:
@@ -178,6 +200,7 @@ class TangentOperators:
             ahead -= hinge_gradients(self._positions - step, self._loaded)
             ahead *= self._moments * (largest / (2.0 * self._difference))
             self._scatter(force, self._loaded, ahead)
+        self._add_bends(force, self._bend_blocks, u)
         return self._per_mass(force)
 
     def damping(self, y: Reals) -> Reals:
@@ -193,6 +216,7 @@ class TangentOperators:
             force /= np.where(self._root > 0, self._root, np.inf)
         if len(self._corners):
             self._add_hinges(force, self._hinge_dashpots, u)
+        self._add_bends(force, self._bend_dashpots, u)
         return self._per_mass(force)
 
     def _across(self, u: Reals) -> Reals:
@@ -211,6 +235,11 @@ class TangentOperators:
     def _add_hinges(self, force: Reals, factor: Reals, u: Reals) -> None:
         amount = factor * np.einsum("kna,kna->k", self._gradients, u[self._corners])
         self._scatter(force, self._corners, amount[:, np.newaxis, np.newaxis] * self._gradients)
+
+    def _add_bends(self, force: Reals, blocks: Reals, u: Reals) -> None:
+        if len(blocks):
+            pushes = np.einsum("epaqb,eqb->epa", blocks, u[self._vertices])
+            self._scatter(force, self._vertices, pushes)
 
     def _scatter(self, force: Reals, corners: NDArray[np.int32], pushes: Reals) -> None:
         nodes = corners.ravel()

@@ -10,6 +10,12 @@ import numpy as np
 from scipy import sparse  # noqa: TID253 - sparse matrices are what this module makes
 
 from openprc.demlat.signal_table import sample_signal
+from openprc.demlat.statics.bending import (
+    BendLaws,
+    bend_gradients,
+    bend_stiffness,
+    bend_turns,
+)
 from openprc.demlat.statics.element_laws import BarLaws, HingeLaws
 from openprc.demlat.statics.element_shapes import (
     bar_directions,
@@ -36,9 +42,9 @@ _UNSET: Any = None
 class StaticProblem:
     """A body, the dead loads on it and what is held.
 
-    The energy is that of bars, hinges, weight and loads. Positions are (N, 3) [m] throughout;
-    matrices are over the free degrees of freedom, in the order of `free`. Rigid elements have
-    no energy; they are the rows of `constraints`.
+    The energy is that of bars, hinges, bends, weight and loads. Positions are (N, 3) [m]
+    throughout; matrices are over the free degrees of freedom, in the order of `free`. Rigid
+    elements have no energy; they are the rows of `constraints`.
 
     Parameters
     ----------
@@ -78,6 +84,7 @@ class StaticProblem:
     positions: Reals = _UNSET
     _bar_laws: BarLaws = field(init=False, repr=False)
     _hinge_laws: HingeLaws = field(init=False, repr=False)
+    _bend_laws: BendLaws = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         geometry = self.geometry
@@ -108,6 +115,7 @@ class StaticProblem:
             )
         object.__setattr__(self, "_bar_laws", BarLaws(geometry.bars))
         object.__setattr__(self, "_hinge_laws", HingeLaws(geometry.hinges))
+        object.__setattr__(self, "_bend_laws", BendLaws(geometry.bends))
 
     @classmethod
     def from_experiment(cls, experiment: Experiment, *, time: float = 0.0) -> StaticProblem:
@@ -132,7 +140,7 @@ class StaticProblem:
             raise UnsupportedScene(
                 f"contact between {int(geometry.collidable.sum())} collidable nodes",
                 expected="a scene without contact",
-                fix="switch collision off; statics knows bars, hinges, weight and loads",
+                fix="switch collision off; statics knows bars, hinges, bends, weight and loads",
                 key="physics.enable_collision",
             )
         positions = geometry.positions.copy()
@@ -211,12 +219,17 @@ class StaticProblem:
         """Return the potential energy [J]; weight and loads count from the origin."""
         return float(sum(part.sum() for part in self.energies(positions)))
 
-    def energies(self, positions: Reals) -> tuple[Reals, Reals, Reals]:
-        """Return energies of bars (M,), hinges (K,) and of the applied forces (N,) [J]."""
+    def energies(self, positions: Reals) -> tuple[Reals, Reals, Reals, Reals]:
+        """Return energies of bars (M,), hinges (K,), bends (B,) and applied forces (N,) [J]."""
         lengths, _ = bar_directions(positions, self.geometry.bars.indices)
         bends = hinge_bends(positions, self.geometry.hinges.indices)
         applied = -np.sum(self.applied * positions, axis=1)
-        return self._bar_laws.energy(lengths), self._hinge_laws.energy(bends), applied
+        turns = bend_turns(positions, self.geometry.bends.indices)
+        laws = self._bar_laws, self._hinge_laws, self._bend_laws
+        bar, hinge, bend = (
+            law.energy(q) for law, q in zip(laws, (lengths, bends, turns), strict=True)
+        )
+        return bar, hinge, bend, applied
 
     def bar_forces(self, positions: Reals) -> Reals:
         """Return tensions of the springs: (M,) [N]; 0 for rigid bars."""
@@ -225,6 +238,10 @@ class StaticProblem:
     def hinge_moments(self, positions: Reals) -> Reals:
         """Return moments of the springs: (K,) [N m]; 0 for rigid hinges."""
         return self._hinge_laws.force(hinge_bends(positions, self.geometry.hinges.indices))
+
+    def bend_torques(self, positions: Reals) -> Reals:
+        """Return ``stiffness * (angle - rest)`` of bends: (B,) [N m]."""
+        return -self._bend_laws.force(bend_turns(positions, self.geometry.bends.indices))
 
     def bends(self, positions: Reals) -> Reals:
         """Return the angles of the hinges minus pi: (K,) [rad]."""
@@ -248,6 +265,9 @@ class StaticProblem:
             moments = self._hinge_laws.force(hinge_bends(positions, hinges))
             pushes = moments[:, None, None] * hinge_gradients(positions, hinges)
             _scatter(gradient, hinges, pushes)
+        if len(bends := self.geometry.bends.indices):
+            moments = self._bend_laws.force(bend_turns(positions, bends))
+            _scatter(gradient, bends, moments[:, None, None] * bend_gradients(positions, bends))
         return gradient
 
     def hessian(self, positions: Reals, multipliers: Reals | None = None) -> sparse.csr_array:
@@ -279,6 +299,10 @@ class StaticProblem:
             second *= moment[:, None, None, None, None]
             second += (rate[:, None, None] * gradient)[..., None, None] * gradient[:, None, None]
             blocks.append(second.ravel())
+        if len(arms := self.geometry.bends.indices):
+            turns = bend_turns(positions, arms)
+            moment, rate = self._bend_laws.force(turns), self._bend_laws.tangent(turns)
+            blocks.append(bend_stiffness(positions, arms, moment, rate).ravel())
         slots, indices, indptr = self._pattern
         values = np.concatenate(blocks)
         # The last slot collects what belongs to held axes.
@@ -343,7 +367,8 @@ class StaticProblem:
         number = np.full(self.geometry.n_nodes * 3, -1, dtype=np.int64)
         number[self.free] = np.arange(n)
         keys = []
-        for nodes in (self.geometry.bars.indices, self.geometry.hinges.indices):
+        for elements in (self.geometry.bars, self.geometry.hinges, self.geometry.bends):
+            nodes = elements.indices
             dofs = number[_dofs(nodes)]
             row, column = dofs[:, :, None], dofs[:, None, :]
             keys.append(np.where((row < 0) | (column < 0), -1, row * n + column).ravel())

@@ -64,14 +64,21 @@ def bend_turns(x: Reals, indices: Nodes) -> Reals:
 def bend_gradients(x: Reals, indices: Nodes) -> Reals:
     """Return d(turn)/dx at the nodes i, j, k: (B, 3, 3) [rad/m].
 
-    ``-u x n / (u.u |n|)`` at i and ``-n x v / (v.v |n|)`` at k with n = u x v (Swope & Ferguson
+    ``n x u / (u.u |n|)`` at i and ``v x n / (v.v |n|)`` at k with n = u x v (Swope & Ferguson
     1992, doi:10.1002/jcc.540130508). On one line the turn has a corner; there it is 0.
     """
     u, v = _arms(x, indices)
     axis, _ = _axes(u, v)
-    by_u = -np.cross(u, axis) / _dot(u, u)[:, None]
-    by_v = -np.cross(axis, v) / _dot(v, v)[:, None]
+    by_u = np.cross(axis, u) / _dot(u, u)[:, None]
+    by_v = np.cross(v, axis) / _dot(v, v)[:, None]
     return np.stack([by_u, -by_u - by_v, by_v], axis=1)
+
+
+def bend_slopes(x: Reals, indices: Nodes) -> Reals:
+    """Return how steeply the turn changes as a node moves, at most: (B,) [rad/m]."""
+    u, v = _arms(x, indices)
+    slopes: Reals = 1.0 / np.sqrt(_dot(u, u)) + 1.0 / np.sqrt(_dot(v, v))
+    return slopes
 
 
 def bend_stiffness(x: Reals, indices: Nodes, moment: Reals, tangent: Reals) -> Reals:
@@ -89,34 +96,47 @@ def bend_stiffness(x: Reals, indices: Nodes, moment: Reals, tangent: Reals) -> R
         The first two derivatives of the energy by the turn.
     """
     u, v = _arms(x, indices)
-    turns = bend_turns(x, indices)
-    size_u, size_v = np.sqrt(_dot(u, u)), np.sqrt(_dot(v, v))
     axis, sine = _axes(u, v)
+    sizes = np.sqrt(np.stack([_dot(u, u), _dot(v, v)], axis=1))
+    along = np.stack([u, v], axis=1) / sizes[..., None]
+    cosine = -_dot(along[:, 0], along[:, 1])
     sharp = sine > _COLLINEAR
-    # On one line a moment has no direction; without one, M / sin p is k.
-    ratio = np.divide(moment, sine, out=np.array(tangent, dtype="f8"), where=sharp)
-    ratio = np.where(sharp | (np.abs(moment) <= 1e-12 * tangent), ratio, 0.0)
-    along_u, along_v = u / size_u[:, None], v / size_v[:, None]
-    cosine = -_dot(along_u, along_v)
-    # Of the cosine of the angle, -cos p, by u and v.
-    left, right = -_reject(along_u, along_v, axis, sine), -_reject(along_v, along_u, axis, sine)
+    # On one line a moment has no direction; where it vanishes there, M / sin p is k.
+    limit = np.where(np.abs(moment) <= 1e-12 * tangent, tangent, 0.0)
+    ratio = np.divide(moment, sine, out=limit, where=sharp)
+    # The directions in which the ends move when the turn grows.
+    grow = np.stack([np.cross(axis, along[:, 0]), np.cross(along[:, 1], axis)], axis=1)
+    flat = np.eye(3) - along[..., :, None] * along[..., None, :]
     second = np.zeros((len(indices), 2, 3, 2, 3))
-    flat_u, flat_v = _across(along_u), _across(along_v)
-    for arm, along, off, size, flat in (
-        (0, along_u, left, size_u, flat_u),
-        (1, along_v, right, size_v, flat_v),
-    ):
-        mixed = along[:, :, None] * off[:, None, :]
-        block = mixed + np.swapaxes(mixed, 1, 2) + cosine[:, None, None] * flat
-        second[:, arm, :, arm] = block / (size * size)[:, None, None]
-    coupling = flat_u @ flat_v / (size_u * size_v)[:, None, None]
+    for arm in range(2):
+        mixed = along[:, arm, :, None] * (sine[:, None] * grow[:, arm])[:, None, :]
+        block = cosine[:, None, None] * flat[:, arm] - mixed - np.swapaxes(mixed, 1, 2)
+        second[:, arm, :, arm] = block / (sizes[:, arm] ** 2)[:, None, None]
+    coupling = flat[:, 0] @ flat[:, 1] / (sizes[:, 0] * sizes[:, 1])[:, None, None]
     second[:, 0, :, 1], second[:, 1, :, 0] = coupling, np.swapaxes(coupling, 1, 2)
     second *= ratio[:, None, None, None, None]
-    by_u = -np.cross(u, axis) / (size_u**2)[:, None]
-    by_v = -np.cross(axis, v) / (size_v**2)[:, None]
-    slope = np.stack([by_u, by_v], axis=1)
-    second += ((tangent - ratio * cosine)[:, None, None] * slope)[..., None, None] * slope[
-        :, None, None
-    ]
+    slope = grow / sizes[..., None]
+    direct = (tangent - ratio * cosine)[:, None, None] * slope
+    second += direct[..., None, None] * slope[:, None, None]
     result: Reals = np.einsum("up,euavb,vq->epaqb", _ARMS, second, _ARMS, optimize=True)
     return result
+
+
+def _arms(x: Reals, indices: Nodes) -> tuple[Reals, Reals]:
+    i, j, k = (x[indices[:, column]] for column in range(3))
+    return i - j, k - j
+
+
+def _axes(u: Reals, v: Reals) -> tuple[Reals, Reals]:
+    """Return unit vectors along u x v (B, 3), 0 on one line, and sines of the angles (B,)."""
+    n = np.cross(u, u + v)
+    length = np.sqrt(_dot(n, n))
+    sine = length / np.sqrt(_dot(u, u) * _dot(v, v))
+    sharp = sine > _COLLINEAR
+    axis = np.divide(n, length[:, None], out=np.zeros_like(n), where=sharp[:, None])
+    return axis, sine
+
+
+def _dot(a: Reals, b: Reals) -> Reals:
+    product: Reals = np.sum(a * b, axis=1)
+    return product

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from openprc.demlat.statics.bending import bend_slopes
 from openprc.demlat.statics.element_shapes import hinge_gradients
 from openprc.demlat.statics.factorization import (
     Constraints,
@@ -133,6 +134,13 @@ class Descent:
             slope = np.minimum(slope, _STEEPEST / problem.length_scale)
             turn = 2.0 * np.pi * hinges.stiffness
             present.append((slope * np.minimum(np.abs(problem.hinge_moments(x)), turn)).max())
+            possible.append((slope * turn).max())
+        bends = problem.geometry.bends
+        if len(bends):
+            slope = np.abs(bend_slopes(x, bends.indices))
+            slope = np.minimum(slope, _STEEPEST / problem.length_scale)
+            turn = np.pi * bends.stiffness
+            present.append((slope * np.abs(problem.bend_torques(x))).max())
             possible.append((slope * turn).max())
         if multipliers is not None:
             present.append(np.abs(multipliers).max())

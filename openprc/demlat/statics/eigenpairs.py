@@ -185,7 +185,10 @@ def pieces(problem: StaticProblem) -> tuple[int, NDArray[np.int32]]:
     """Return how many connected pieces there are, and the piece of every node: (N,)."""
     n = problem.geometry.n_nodes
     bars, hinges = problem.geometry.bars.indices, problem.geometry.hinges.indices
-    pairs = np.concatenate([bars, hinges[:, :2], hinges[:, 1:3], hinges[:, 2:]])
+    bends = problem.geometry.bends.indices
+    pairs = np.concatenate(
+        [bars, hinges[:, :2], hinges[:, 1:3], hinges[:, 2:], bends[:, :2], bends[:, 1:]]
+    )
     graph = sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     count, labels = connected_components(graph, directed=False)
     return count, labels

@@ -32,7 +32,7 @@ class Equilibrium:
     ----------
     positions : (N, 3) [m]
     energy : float [J]
-        Of bars, hinges, weight and loads, the latter two counted from the origin.
+        Of bars, hinges, bends, weight and loads, the latter two counted from the origin.
     residual : float [N]
         Largest force out of balance at a free degree of freedom.
     tolerance : float [N]
@@ -47,6 +47,8 @@ class Equilibrium:
         Tensions, those of rigid bars included.
     hinge_moments : (K,) [N m]
         Those of rigid hinges included.
+    bend_torques : (B,) [N m]
+        ``stiffness * (angle - rest)``.
     """
 
     positions: Reals
@@ -59,6 +61,7 @@ class Equilibrium:
     reactions: Reals
     bar_forces: Reals
     hinge_moments: Reals
+    bend_torques: Reals
 
 
 def find_equilibrium(
@@ -245,6 +248,7 @@ def _record(
         reactions=np.where(problem.held, whole, 0.0),
         bar_forces=tensions,
         hinge_moments=moments,
+        bend_torques=problem.bend_torques(x),
     )
 
 

@@ -88,15 +88,18 @@ def _write(stream: TextIO, trajectory: Trajectory, given: Outline, heavy: str) -
     stream.write('<?xml version="1.0" encoding="utf-8"?>\n<Xdmf Version="3.0">\n <Domain>\n')
     for key, value in given.remarks.items():
         stream.write(f"  <Information Name={quoteattr(key)} Value={quoteattr(value)}/>\n")
-    stream.write(
-        '  <Grid Name="trajectory" GridType="Collection" CollectionType="Temporal">\n'
-    )
+    # Places are named here and referred to below: VTK tells frames apart by the text inside the
+    # item of a geometry, and complains about one that only has other items in it.
+    for row in given.frames:
+        stream.write(f"  {_slab(given.positions, row, name, title=f'places {row}')}\n")
+    stream.write('  <Grid Name="trajectory" GridType="Collection" CollectionType="Temporal">\n')
     times = trajectory.time
     geometry = _GEOMETRY[given.dims]
     for row in given.frames:
         clock = f'<Time Value="{float(times[row])!r}"/>'
         place = (
-            f'<Geometry GeometryType="{geometry}">{_slab(given.positions, row, name)}</Geometry>'
+            f'<Geometry GeometryType="{geometry}"><DataItem Reference="XML">'
+            f'/Xdmf/Domain/DataItem[@Name="places {row}"]</DataItem></Geometry>'
         )
         nodal = "".join(_attribute(field, "Node", row, name) for field in given.nodal)
         if len(parts) > 1:
@@ -153,15 +156,16 @@ def _attribute(field: Field, centre: str, row: int, name: str) -> str:
     )
 
 
-def _slab(field: Field, row: int, name: str) -> str:
+def _slab(field: Field, row: int, name: str, *, title: str = "") -> str:
     """Return the item that takes row `row` of a dataset: start, stride, count."""
+    named = f'Name="{title}" ' if title else ""
     rank = len(field.shape)
     inner = " ".join(map(str, field.shape[1:]))
     numbers = f"{row} {'0 ' * (rank - 1)}{'1 ' * rank}1 {inner}"
     number, precision = _TYPES[field.dtype]
     whole = " ".join(map(str, field.shape))
     return (
-        f'<DataItem ItemType="HyperSlab" Dimensions="{inner}">'
+        f'<DataItem {named}ItemType="HyperSlab" Dimensions="{inner}">'
         f'<DataItem Format="XML" NumberType="Int" Dimensions="3 {rank}">{numbers}</DataItem>'
         f'<DataItem Format="HDF" NumberType="{number}" Precision="{precision}" '
         f'Dimensions="{whole}">{name}:{escape(field.path)}</DataItem></DataItem>'

@@ -47,8 +47,8 @@ def preset(
     """
     if not any(which.any() for which in idle):
         return 0.0, 0.0, 0.0
-    from openprc.demlat.statics.element_laws import BarLaws, HingeLaws  # noqa: PLC0415 - seldom
     from openprc.demlat.statics.bending import BendLaws, bend_turns  # noqa: PLC0415
+    from openprc.demlat.statics.element_laws import BarLaws, HingeLaws  # noqa: PLC0415 - seldom
     from openprc.demlat.statics.element_shapes import hinge_bends  # noqa: PLC0415
 
     lengths, tensions, changes, moments, _, turns, torques = scratch

@@ -12,7 +12,12 @@ from openprc.demlat.backends.choose import Choice, choose_backend
 from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
-from openprc.demlat.models.barhinge.tables import BEND_ENERGY, ENERGY_ROWS, LEDGER_STRIDE, FrameBuffer
+from openprc.demlat.models.barhinge.tables import (
+    BEND_ENERGY,
+    ENERGY_ROWS,
+    LEDGER_STRIDE,
+    FrameBuffer,
+)
 from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 
