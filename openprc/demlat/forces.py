@@ -15,9 +15,9 @@ from openprc.demlat.compiled.aligned import aligned_zeros_like
 from openprc.demlat.models.barhinge.support import supports
 from openprc.demlat.models.barhinge.tables import (
     ENERGY_ROWS,
-    LEDGER,
     LEDGER_STRIDE,
     FrameBuffer,
+    ledger_size,
 )
 from openprc.demlat.signal_table import SAMPLE_SLACK
 from openprc.errors import ConfigError
@@ -54,9 +54,9 @@ class ForceField:
 
     Attributes
     ----------
-    power : (5,) [W]
-        Of the last evaluation, in the order of `openprc.demlat.models.barhinge.tables.LEDGER`:
-        what force actuators put in, then what drag, bars, hinges and contact take.
+    power : (5,) or, with bends, (6,) [W]
+        Of the last evaluation: what force actuators put in, then what drag, bars, hinges, contact
+        and bends take.
 
     Raises
     ------
@@ -105,19 +105,15 @@ class ForceField:
             origin=np.zeros((*none.shape, 3)),
             optional=True,
         )
-        flat = aligned_zeros_like(assembly.state.x)
-        self._work = (
-            flat,
-            flat.copy(),
-            aligned_zeros_like(flat),
-            np.zeros(len(LEDGER) * LEDGER_STRIDE),
-        )
+        rates = np.zeros(ledger_size(with_bends=len(experiment.geometry.bends) > 0))
+        flat = assembly.state.x
+        self._work = (*(aligned_zeros_like(flat) for _ in range(3)), rates)
         self._scale = unit.length, unit.velocity, unit.force, unit.moment / unit.time
         self._output = unit.output
         self._time, self._step = unit.time, experiment.dt / unit.time
         self._energy = np.zeros(ENERGY_ROWS * LEDGER_STRIDE)
         self._shape = experiment.geometry.n_nodes, 3
-        self.power: Reals = np.zeros(len(LEDGER))
+        self.power: Reals = np.zeros(len(rates) // LEDGER_STRIDE)
         used = dict.fromkeys(actuator.signal for actuator in experiment.actuators)
         self._signals = tuple(experiment.signals[name] for name in used)
 
@@ -241,7 +237,7 @@ class ForceField:
         )
 
     def energies(self, positions: Reals, velocities: Reals) -> Reals:
-        """Return kinetic energy, energy of bars, of hinges, and of weight: (4,) [J]."""
+        """Return energies: kinetic, of bars, of hinges, of weight, and of bends if any [J]."""
         buffer = self.frames(1)
         self.observe(positions, velocities, buffer=buffer)
         return buffer.energy[0]

@@ -110,13 +110,22 @@ class FrameRecorder:
 
     def declare(self) -> None:
         """Declare nodes, elements, energies and inputs."""
+        self.declare_body(velocities=self.stored.velocities)
+        bends = self.experiment.geometry.bends
+        for name in (*ENERGIES, *LOSSES, *TOTALS, *(OF_BENDS if len(bends) else ())):
+            self.writer.declare_system(name, unit="J")
+        for name, settings in self.inputs.items():
+            self.writer.declare_input(name, **settings["declaration"])
+
+    def declare_body(self, *, velocities: bool) -> None:
+        """Declare nodes and elements."""
         geometry, writer = self.experiment.geometry, self.writer
         writer.declare_nodes(
             geometry.n_nodes,
             self.dims,
             unit="m",
             dtype=self.dtype,
-            velocities=self.stored.velocities,
+            velocities=velocities,
             rest=geometry.positions[:, : self.dims],
             mass=geometry.masses,
             fixed=geometry.fixed,
@@ -170,10 +179,6 @@ class FrameRecorder:
             )
         if len(geometry.faces):
             writer.declare_elements("faces", geometry.faces)
-        for name in (*ENERGIES, *LOSSES, *TOTALS, *(OF_BENDS if len(geometry.bends) else ())):
-            writer.declare_system(name, unit="J")
-        for name, settings in self.inputs.items():
-            writer.declare_input(name, **settings["declaration"])
 
     def append(self, first: int, block: FrameBuffer) -> None:
         """Append a block of frames of which the first has the number `first`."""

@@ -187,14 +187,26 @@ def _check_hinges(hinges: Hinges, mistakes: Mistakes) -> None:
     outside = (hinges.law == "enhanced-linear") & (
         (hinges.rest_angle < low) | (hinges.rest_angle > high)
     )
-    for which, what, wanted in (
-        (walls, "no limits", "limits between 0 and 2 pi, such as pi/4 and 7 pi/4"),
-        (outside, "a rest angle outside its limits", "limit_low <= rest_angle <= limit_high"),
+    bounded = (hinges.law == "four-thirds") & hinges.limited
+    for law, which, what, wanted in (
+        (
+            "enhanced-linear",
+            walls,
+            "no limits",
+            "limits between 0 and 2 pi, such as pi/4 and 7 pi/4",
+        ),
+        (
+            "enhanced-linear",
+            outside,
+            "a rest angle outside its limits",
+            "limit_low <= rest_angle <= limit_high",
+        ),
+        ("four-thirds", bounded, "limits", "none: limit_low 0 and limit_high 2 pi"),
     ):
         if which.any():
             mistakes.add(
                 f"{group}/limit_low",
-                f"enhanced-linear element {list_some(np.flatnonzero(which))} has {what}",
+                f"{law} element {list_some(np.flatnonzero(which))} has {what}",
                 expected=wanted,
             )
 

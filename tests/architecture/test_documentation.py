@@ -18,12 +18,20 @@ from openprc.hooks import Registry
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("README.md"), *ROOT.glob("docs/**/*.md")])
 PLUGIN_PAGES = sorted(ROOT.glob("plugins/*/README.md"))
-_BLOCK = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _END_OF_COMMAND = {"|", "&&", "||", ";", ">", ">>", "2>", "&"}
 
 
 def blocks(text, *languages):
-    return [match[2] for match in _BLOCK.finditer(text) if match[1] in languages]
+    """Return the code in these languages, but for the files of a walk-through (`file=NAME`).
+
+    Those are the business of test_plugin_walkthrough.py.
+    """
+    return [
+        match[3]
+        for match in _BLOCK.finditer(text)
+        if match[1] in languages and " file=" not in match[2]
+    ]
 
 
 def name_of(path):
@@ -35,7 +43,7 @@ def typed_lines(text):
     for match in _BLOCK.finditer(text):
         if match[1] not in ("console", "bash", "sh", "shell"):
             continue
-        lines = match[2].replace("\\\n", " ").splitlines()
+        lines = match[3].replace("\\\n", " ").splitlines()
         prompted = any(line.startswith("$ ") for line in lines)
         for line in lines:
             if not prompted or line.startswith("$ "):
@@ -74,7 +82,7 @@ def mistakes(words, known_options, known_producers):
         if word.startswith("-") and word.partition("=")[0] not in flags:
             found.append(f"{words[0]} has no option {word!r}")
         if word in ("-o", "--option") and following.partition("=")[0] not in known_options:
-            found.append(f"no importer has the option {following!r}")
+            found.append(f"nobody has the option {following!r}")
         if word in ("--as", "--producer") and following.rpartition("/")[2] not in known_producers:
             if following.isupper():
                 continue  # a placeholder
@@ -87,12 +95,17 @@ def known():
     """Names of producers and of their options, of the package and of the plugins here."""
     with pytest.MonkeyPatch.context() as patch:
         specs = [item.spec for item in Registry([]).producers]
+        exporters = [item.spec for item in Registry([]).records("openprc_exporters")]
         for file in ROOT.glob("plugins/*/pyproject.toml"):
             patch.syspath_prepend(file.parent)
             project = tomllib.loads(file.read_text())["project"]
             for name in project["entry-points"]["openprc"].values():
-                specs += import_module(name).openprc_producers()
-        yield {option.name for spec in specs for option in spec.options}, {s.name for s in specs}
+                module = import_module(name)
+                specs += getattr(module, "openprc_producers", list)()
+                exporters += getattr(module, "openprc_exporters", list)()
+        options = {option.name for spec in specs + exporters for option in spec.options}
+        options |= {option.name for spec in specs for option in spec.run_options}
+        yield options, {spec.name for spec in specs}
 
 
 def test_there_is_a_readme_with_code_and_commands():
@@ -141,7 +154,7 @@ def test_links_to_files_lead_somewhere(page):
         ("```console\n$ openprc valdate run.h5\n```\n", ["no command 'valdate'"]),
         ("```bash\nopenprc run x --sede 3\n```\n", ["run has no option '--sede'"]),
         ("```sh\nA=1 uv run openprc import x.csv \\\n  -o untis=m\n```\n",
-         ["no importer has the option 'untis=m'"]),
+         ["nobody has the option 'untis=m'"]),
         ("```console\n$ openprc import x --as zzz | less\n```\n", ["no producer 'zzz'"]),
         ("```console\n$ openprc --help && openprc nope\n```\n", ["no command 'nope'"]),
         ("```sh setup\n.venv/bin/openprc nope && x\n```\n", ["no command 'nope'"]),

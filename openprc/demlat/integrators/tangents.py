@@ -1,4 +1,4 @@
-"""The tangent matrix of soft bars and hinges, assembled inside the time loop.
+"""The tangent matrix of soft bars, hinges and bends, assembled inside the time loop.
 
 For a step with coefficients `by_x` and `by_v` the matrix is ``M + by_v C + by_x K``, over the
 coordinates that are not held: ``K = dF/dx`` with the geometric parts (of the force that acts,
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from openprc.demlat.compiled.jit import chosen_by_type, jit
 from openprc.demlat.compiled.lanes import place
+from openprc.demlat.integrators.bend_tangents import BEND_PAIRS, add_bend_tangents
 from openprc.demlat.linear.symbolic import Factor, analyse
 from openprc.demlat.models.barhinge import laws
 from openprc.demlat.models.barhinge.bar_kernels import tension_and_loss
@@ -26,6 +27,7 @@ from openprc.demlat.models.barhinge.tables import (
     Cables,
     CubicBars,
     LinearBars,
+    LinearBends,
     LinearHinges,
     OgdenBars,
     PrintedDampers,
@@ -54,9 +56,11 @@ class Tangent(NamedTuple):
         For each group: blocks of the pairs (i, i), (j, j), (i, j).
     hinges : tuple of (B, 10, 3, 3) i8
         For each group: blocks of `PAIRS`.
+    bends : tuple of (B, 6, 3, 3) i8
+        For each group: blocks of `BEND_PAIRS`.
     right : (n,)
     gradient : (4, 3), second : (5, 3, 3)
-        Scratch of one hinge.
+        Scratch of one hinge or bend.
     """
 
     factor: Factor
@@ -64,6 +68,7 @@ class Tangent(NamedTuple):
     diagonal: NDArray[np.int64]
     bars: tuple[NDArray[np.int64], ...]
     hinges: tuple[NDArray[np.int64], ...]
+    bends: tuple[NDArray[np.int64], ...]
     right: Reals
     gradient: Reals
     second: Reals
@@ -82,8 +87,12 @@ class Tangent(NamedTuple):
             tuple(((g.j, g.k, g.i, g.l)[p], (g.j, g.k, g.i, g.l)[q]) for p, q in PAIRS)
             for g in body.hinges
         ]
+        bend_pairs = [
+            tuple(((g.i, g.j, g.k)[p], (g.i, g.j, g.k)[q]) for p, q in BEND_PAIRS)
+            for g in body.bends
+        ]
         rows, columns, shapes = [], [], []
-        for pairs in (*bar_pairs, *hinge_pairs):
+        for pairs in (*bar_pairs, *hinge_pairs, *bend_pairs):
             first, second = (np.stack([p[side] for p in pairs], axis=1) for side in (0, 1))
             axes = stride * np.arange(dims)
             row = unknown[first[:, :, None, None] + axes[:, None]]
@@ -106,12 +115,14 @@ class Tangent(NamedTuple):
             target[start:end].reshape(shape)
             for start, end, shape in zip(bounds[:-1], bounds[1:], shapes, strict=True)
         ]
+        n_bars, n_before_bends = len(bar_pairs), len(bar_pairs) + len(hinge_pairs)
         return cls(
             factor._replace(values=np.zeros(nowhere + 1)),
             free,
             target[bounds[-1] :],
-            tuple(places[: len(bar_pairs)]),
-            tuple(places[len(bar_pairs) :]),
+            tuple(places[:n_bars]),
+            tuple(places[n_bars:n_before_bends]),
+            tuple(places[n_before_bends:]),
             np.zeros(len(free)),
             np.zeros((4, 3)),
             np.zeros((5, 3, 3)),
@@ -294,15 +305,19 @@ def add_all(
     by_v: float,
     definite: bool,
 ) -> None:
-    """Add the contributions of every group of a tuple, bars or hinges."""
+    """Add the contributions of every group of a tuple: bars, hinges or bends."""
 
 
 @chosen_by_type(add_all)
 def _add_all(groups, places, tangent, body, x, v, by_x, by_v, definite):
     if len(groups) == 0:
         return lambda groups, places, tangent, body, x, v, by_x, by_v, definite: None
-    folds = groups.types[0].instance_class in (LinearHinges, WalledHinges)
-    add_group = add_hinge_tangents if folds else add_bar_tangents
+    kind = groups.types[0].instance_class
+    add_group = {
+        LinearHinges: add_hinge_tangents,
+        WalledHinges: add_hinge_tangents,
+        LinearBends: add_bend_tangents,
+    }.get(kind, add_bar_tangents)
 
     def one_by_one(groups, places, tangent, body, x, v, by_x, by_v, definite):
         add_group(groups[0], places[0], tangent, body, x, v, by_x, by_v, definite)
@@ -318,7 +333,7 @@ def assemble(
     """Set the matrix to ``M + by_v C + by_x K``.
 
     With `definite`, what can make it indefinite is left out: bars under pressure and hinges
-    with a moment have no geometric part then.
+    with a moment have no geometric part then, and bends that of a moment that straightens.
     """
     values = tangent.factor.values
     for p in range(values.size):
@@ -328,3 +343,4 @@ def assemble(
         values[tangent.diagonal[u]] += body.mass[at] + by_v * body.drag[at]
     add_all(body.bars, tangent.bars, tangent, body, x, v, by_x, by_v, definite)
     add_all(body.hinges, tangent.hinges, tangent, body, x, v, by_x, by_v, definite)
+    add_all(body.bends, tangent.bends, tangent, body, x, v, by_x, by_v, definite)

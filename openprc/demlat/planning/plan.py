@@ -46,7 +46,7 @@ class Plan:
         Of schemes that choose their step, `n_steps` is None.
     n_nodes, n_fixed, n_driven, n_free : int
         The last one counts coordinates.
-    n_bars, n_rigid_bars, n_hinges, n_rigid_hinges : int
+    n_bars, n_rigid_bars, n_hinges, n_rigid_hinges, n_bends : int
     n_mechanisms, n_rigid_motions : int or None
         Motions that strain no element; None where the body is too large to be searched.
     cost : RunCost
@@ -76,6 +76,7 @@ class Plan:
     n_rigid_bars: int
     n_hinges: int
     n_rigid_hinges: int
+    n_bends: int
     n_mechanisms: int | None
     n_rigid_motions: int | None
     cost: RunCost
@@ -116,6 +117,7 @@ class Plan:
             ),
             ("bars, hinges", f"{self.n_bars:,} ({self.n_rigid_bars:,} rigid),"
              f" {self.n_hinges:,} ({self.n_rigid_hinges:,} rigid)"),
+            *([("bends", f"{self.n_bends:,}")] if self.n_bends else []),
             ("mechanisms", self._mechanisms()),
             ("force evaluations", f"{self.cost.evaluations:,}"),
             ("time", f"{_duration(self.cost.seconds)} or so, once compiled"),
@@ -183,6 +185,7 @@ def make_plan(experiment: Experiment) -> Plan:
         n_rigid_bars=int(geometry.bars.rigid.sum()),
         n_hinges=len(geometry.hinges),
         n_rigid_hinges=int(geometry.hinges.rigid.sum()),
+        n_bends=len(geometry.bends),
         n_mechanisms=None if found is None else found[0],
         n_rigid_motions=None if found is None else found[1],
         cost=run_cost(experiment, limit),

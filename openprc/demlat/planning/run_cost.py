@@ -52,7 +52,9 @@ class RunCost:
 def run_cost(experiment: Experiment, limit: StepLimit) -> RunCost:
     """Estimate what running an experiment costs."""
     geometry = experiment.geometry
-    n_nodes, n_bars, n_hinges = geometry.n_nodes, len(geometry.bars), len(geometry.hinges)
+    n_nodes, n_bars = geometry.n_nodes, len(geometry.bars)
+    # A bend costs about as much as a hinge.
+    n_hinges = len(geometry.hinges) + len(geometry.bends)
     small = n_bars + n_hinges < LEAST_ELEMENTS and experiment.precision == "float64"
     per_bar = PER_SINGLE_BAR if small else PER_BAR
     per_hinge = PER_SINGLE_HINGE if small else PER_HINGE

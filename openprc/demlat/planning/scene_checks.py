@@ -13,6 +13,7 @@ from openprc.demlat.planning.tangent_operators import (
     hinge_flatness,
     starting_positions,
 )
+from openprc.demlat.statics.bending import bend_turns, have_arms
 from openprc.demlat.statics.element_shapes import bar_directions, hinge_gradients
 from openprc.schema.findings import Finding
 from openprc.schema.mistakes import list_some
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from openprc.schema.experiment import Experiment
+    from openprc.schema.geometry import Bends
 
     Reals = NDArray[np.float64]
 
@@ -30,6 +32,8 @@ THIN = 1e-3
 SHORT = 1e-3
 #: Distance of nodes per size of the body below which they are at one point.
 COINCIDENT = 1e-9
+#: Sine of a turn below which the arms of a bend lie on one line.
+COLLINEAR = 1e-6
 #: Bodies with more free coordinates are not searched for mechanisms, which takes dense algebra.
 MOST_COORDINATES = 3000
 #: Singular values below this share of the largest count as zero.
@@ -107,7 +111,11 @@ def coincident_nodes(experiment: Experiment) -> Iterator[Finding]:
 def idle_elements(experiment: Experiment) -> Iterator[Finding]:
     """Yield elements between nodes of which none can move: they only cost time."""
     geometry = experiment.geometry
-    for name, elements in (("bars", geometry.bars), ("hinges", geometry.hinges)):
+    for name, elements in (
+        ("bars", geometry.bars),
+        ("hinges", geometry.hinges),
+        ("bends", geometry.bends),
+    ):
         idle = np.flatnonzero(geometry.fixed[elements.indices].all(axis=1))
         if len(idle):
             yield Finding(
@@ -127,9 +135,13 @@ def pieces(experiment: Experiment) -> NDArray[np.int32]:
     from scipy import sparse
 
     geometry, n = experiment.geometry, experiment.geometry.n_nodes
-    hinges = geometry.hinges.indices
+    hinges, bends = geometry.hinges.indices, geometry.bends.indices
     pairs = np.concatenate(
-        [geometry.bars.indices, *(hinges[:, [0, column]] for column in range(1, 4))]
+        [
+            geometry.bars.indices,
+            *(hinges[:, [0, column]] for column in range(1, 4)),
+            *(bends[:, [1, column]] for column in (0, 2)),
+        ]
     )
     graph = sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     labels: NDArray[np.int32] = sparse.csgraph.connected_components(graph, directed=False)[1]
@@ -144,7 +156,8 @@ def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
     held[labels[experiment.held_axes.any(axis=1)]] = True
     size = np.bincount(labels)
     touched = np.zeros(geometry.n_nodes, dtype=bool)
-    touched[geometry.bars.indices] = touched[geometry.hinges.indices] = True
+    for elements in (geometry.bars, geometry.hinges, geometry.bends):
+        touched[elements.indices] = True
     falls = any(experiment.gravity)
     loose = np.flatnonzero(~held[labels] & ~touched)
     if len(loose):
@@ -152,7 +165,7 @@ def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
             code="PLAN-LOOSE-NODE",
             level="warning",
             path="nodes/positions",
-            found=f"no bar or hinge holds node {list_some(loose)}"
+            found=f"no element holds node {list_some(loose)}"
             + (", which falls freely" if falls else ""),
             expected="an element at every node that moves",
             fix="connect, fix or remove it",
@@ -220,6 +233,26 @@ def _gradients(experiment: Experiment) -> Iterator[tuple[NDArray[np.int32], Real
     gradients = hinge_gradients(x, hinges.indices[stiff])
     norms = np.sqrt(np.sum(gradients**2, axis=(1, 2), keepdims=True))
     yield hinges.indices[stiff], gradients / norms
+    yield from _bend_gradients(geometry.bends, x)
+
+
+def _bend_gradients(bends: Bends, x: Reals) -> Iterator[tuple[NDArray[np.int32], Reals]]:
+    """Yield those of stiff bends; a straight one resists both sideways motions of its ends."""
+    indices = bends.indices[(bends.stiffness > 0) & have_arms(x, bends.indices)]
+    turns = bend_turns(x, indices)
+    arms = [x[indices[:, end]] - x[indices[:, 1]] for end in (0, 2)]
+    squares = [np.sum(arm * arm, axis=1)[:, np.newaxis] for arm in arms]
+    # Any axis across the first arm will do where the arms lie on one line.
+    axis = np.cross(*arms)
+    sharp = np.sin(turns) > COLLINEAR
+    least = np.eye(3)[np.abs(arms[0]).argmin(axis=1)]
+    axis = np.where(sharp[:, np.newaxis], axis, np.cross(arms[0], least))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    for chosen in (np.ones(len(indices), dtype=bool), ~sharp):
+        first, last = (np.cross(axis, arms[0]) / squares[0], np.cross(arms[1], axis) / squares[1])
+        rows = np.stack([first, -first - last, last], axis=1)[chosen]
+        yield indices[chosen], rows / np.sqrt(np.sum(rows**2, axis=(1, 2), keepdims=True))
+        axis = np.cross(arms[0], axis) / np.sqrt(squares[0])
 
 
 def _rigid_motions(experiment: Experiment, free: NDArray[np.bool_]) -> int:

@@ -12,9 +12,9 @@ import numpy as np
 from openprc.demlat.signal_table import sample_signal
 from openprc.demlat.statics.bending import (
     BendLaws,
-    bend_gradients,
     bend_stiffness,
     bend_turns,
+    have_arms,
 )
 from openprc.demlat.statics.element_laws import BarLaws, HingeLaws
 from openprc.demlat.statics.element_shapes import bar_directions, hinge_bends, hinge_gradients
@@ -163,16 +163,15 @@ class TangentOperators:
 
     def _take_bends(self, experiment: Experiment) -> None:
         bends, x = experiment.geometry.bends, self._positions
+        sound = have_arms(x, bends.indices)
         laws, turns = BendLaws(bends), bend_turns(x, bends.indices)
-        self._vertices = bends.indices
-        self._bend_blocks = bend_stiffness(
-            x, bends.indices, laws.force(turns), laws.tangent(turns)
-        )
-        # A dashpot acts as a spring of that stiffness without a moment does; straight arms
-        # resist both ways of bending.
-        none = np.zeros(len(bends))
-        shapes = bend_stiffness(x, bends.indices, none, np.ones(len(bends)))
-        self._bend_dashpots = bends.damping[:, None, None, None, None] * shapes
+        self._sound_bends = np.flatnonzero(sound)
+        self._vertices = bends.indices[sound]
+        moments, tangents = laws.force(turns)[sound], laws.tangent(turns)[sound]
+        self._bend_blocks = bend_stiffness(x, self._vertices, moments, tangents)
+        # A dashpot acts on rates as a spring without a moment does on turns.
+        dashpots, none = bends.damping[sound], np.zeros(int(sound.sum()))
+        self._bend_dashpots = bend_stiffness(x, self._vertices, none, dashpots)
 
     # --- products ---------------------------------------------------------------------------
 
@@ -255,26 +254,29 @@ class TangentOperators:
         """Return a number that no eigenvalue of K exceeds [1/s2].
 
         Gershgorin's rows of ``M^-1 K``, an element being ``k_e g g^T``: the largest over nodes
-        of ``sum_e k_e |g_a| sum_b |g_b| / m_a``. Infinite where hinges carry moments, whose
-        part has no such form.
+        of ``sum_e k_e |g_a| sum_b |g_b| / m_a``; of bends, the norms of their blocks. Infinite
+        where hinges carry moments, whose part has no such form.
         """
         if len(self._loaded):
             return float("inf")
         stiffest = np.maximum(np.maximum(self._tangent, self._ratio), 0.0)
-        return self._row_bound(stiffest, self._hinge_tangent, self._root.max(axis=1) ** 2)
+        weights = self._root.max(axis=1) ** 2
+        return self._row_bound(stiffest, self._hinge_tangent, self._bend_blocks, weights)
 
     def damping_bound(self) -> float:
         """Return a number that no eigenvalue of C exceeds [1/s]; see `stiffness_bound`."""
         if not self.damped:
             return self.drag
         root = self._root.max(axis=1)
+        turning = self._hinge_dashpots, self._bend_dashpots
         if self._printed is None:
-            return self.drag + self._row_bound(self._dashpots, self._hinge_dashpots, root**2)
-        bars = self._row_bound(self._printed, np.zeros(len(self._corners)), root)
+            return self.drag + self._row_bound(self._dashpots, *turning, root**2)
+        still = np.zeros(len(self._corners)), np.zeros_like(self._bend_dashpots)
+        bars = self._row_bound(self._printed, *still, root)
         none = np.zeros(len(self._ends))
-        return self.drag + bars + self._row_bound(none, self._hinge_dashpots, root**2)
+        return self.drag + bars + self._row_bound(none, *turning, root**2)
 
-    def _row_bound(self, bars: Reals, hinges: Reals, weights: Reals) -> float:
+    def _row_bound(self, bars: Reals, hinges: Reals, bends: Reals, weights: Reals) -> float:
         moves = (weights > 0).astype(float)
         neighbours = moves[self._ends].sum(axis=1) * bars
         rows = np.zeros(self._n_nodes)
@@ -283,6 +285,10 @@ class TangentOperators:
             arms = np.linalg.norm(self._gradients, axis=2) * moves[self._corners]
             pushes = (hinges * arms.sum(axis=1))[:, np.newaxis] * arms
             rows += np.bincount(self._corners.ravel(), pushes.ravel(), self._n_nodes)
+        if len(self._vertices):
+            sizes = np.sqrt(np.einsum("epaqb,epaqb->epq", bends, bends))
+            pushes = np.einsum("epq,eq->ep", sizes, moves[self._vertices])
+            rows += np.bincount(self._vertices.ravel(), pushes.ravel(), self._n_nodes)
         return float(np.max(rows * weights, initial=0.0))
 
     def culprit(self, y: Reals, rate: float) -> Culprit:
@@ -310,12 +316,19 @@ class TangentOperators:
         np.add.at(norm, np.nonzero(self.free)[0], np.abs(y) ** 2)
         drags = rate * self.drag * norm
         shares = [("bar", springs), ("hinge", folds), ("node", drags)]
+        if len(self._vertices):
+            at, blocks = u[self._vertices], self._bend_blocks + rate * self._bend_dashpots
+            bent = np.einsum("epa,epaqb,eqb->e", at.conj(), blocks, at).real
+            shares.append(("bend", bent))
         kind, values = max(shares, key=lambda item: float(np.max(item[1], initial=-1.0)))
         index = int(np.argmax(values))
         if kind == "hinge":
             corners = self._corners[index]
             index = int(self._sound[index])
             return Culprit("hinge", index, f"hinge {index} on the crease {corners[0]}-{corners[1]}")
+        if kind == "bend":
+            vertex, index = self._vertices[index, 1], int(self._sound_bends[index])
+            return Culprit("bend", index, f"bend {index} at node {vertex}")
         if kind == "bar":
             i, j = self._ends[index]
             return Culprit("bar", index, f"bar {index} between nodes {i} and {j}")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.errors import NotConverged
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -61,12 +63,25 @@ def bend_turns(x: Reals, indices: Nodes) -> Reals:
     return turns
 
 
+def have_arms(x: Reals, indices: Nodes) -> NDArray[np.bool_]:
+    """Return which bends have two arms with a length: (B,)."""
+    u, v = _arms(x, indices)
+    sound: NDArray[np.bool_] = (_dot(u, u) > 0.0) & (_dot(v, v) > 0.0)
+    return sound
+
+
 def bend_gradients(x: Reals, indices: Nodes) -> Reals:
     """Return d(turn)/dx at the nodes i, j, k: (B, 3, 3) [rad/m].
 
     ``n x u / (u.u |n|)`` at i and ``v x n / (v.v |n|)`` at k with n = u x v (Swope & Ferguson
     1992, doi:10.1002/jcc.540130508). On one line the turn has a corner; there it is 0.
+
+    Raises
+    ------
+    NotConverged
+        When an arm has no length.
     """
+    _refuse_points(x, indices)
     u, v = _arms(x, indices)
     axis, _ = _axes(u, v)
     by_u = np.cross(axis, u) / _dot(u, u)[:, None]
@@ -94,7 +109,13 @@ def bend_stiffness(x: Reals, indices: Nodes, moment: Reals, tangent: Reals) -> R
     indices : (B, 3)
     moment, tangent : (B,) [N m], [N m/rad]
         The first two derivatives of the energy by the turn.
+
+    Raises
+    ------
+    NotConverged
+        When an arm has no length.
     """
+    _refuse_points(x, indices)
     u, v = _arms(x, indices)
     axis, sine = _axes(u, v)
     sizes = np.sqrt(np.stack([_dot(u, u), _dot(v, v)], axis=1))
@@ -125,6 +146,16 @@ def bend_stiffness(x: Reals, indices: Nodes, moment: Reals, tangent: Reals) -> R
 def _arms(x: Reals, indices: Nodes) -> tuple[Reals, Reals]:
     i, j, k = (x[indices[:, column]] for column in range(3))
     return i - j, k - j
+
+
+def _refuse_points(x: Reals, indices: Nodes) -> None:
+    bad = np.flatnonzero(~have_arms(x, indices))
+    if len(bad):
+        raise NotConverged(
+            f"an arm of bend {int(bad[0])} {indices[bad[0]].tolist()} has no length",
+            expected="a distance between its vertex and either end",
+            fix="start from another state, or give the arms bars that keep their length",
+        )
 
 
 def _axes(u: Reals, v: Reals) -> tuple[Reals, Reals]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -229,3 +232,12 @@ def test_spelling_of_units_there_and_back(tmp_path, symbol):
         assert (found, factor) == (symbol, 1.0)
     else:
         assert (found, factor) == ("m/s", 1e-3)
+
+
+def test_code_of_the_readme_runs(tmp_path, monkeypatch):
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "README.md", "exec"), {"__name__": "readme"})
+    with h5py.File("swing.h5md") as file:
+        assert file["particles/trajectory/position/value"].shape == (50, 2, 3)

@@ -1,4 +1,4 @@
-"""MERLIN, MERLIN2 and Sim-FAST runs as OpenPRC trajectories."""
+"""MERLIN, MERLIN2 and Sim-FAST runs, and FOLD animations, to and from OpenPRC trajectories."""
 
 from __future__ import annotations
 
@@ -39,10 +39,22 @@ _OPTIONS = (
     OptionSpec("c0", "modulus C0 of the bars, where the file does not tell it", kind="float"),
 )
 
+_FOLD_OPTIONS = (
+    OptionSpec(
+        "unit", "length unit, where the file does not say one", choices=("m", "cm", "mm", "um")
+    ),
+    OptionSpec("dt", "seconds per frame, which makes the time physical", kind="float"),
+    OptionSpec(
+        "time",
+        "'increment' to number the frames, or the key of the frames that holds their instants in "
+        "seconds; by default openprc:time where it is there",
+    ),
+)
+
 
 @hookimpl
 def openprc_producers() -> list[ProducerSpec]:
-    """Return the one producer of this distribution."""
+    """Return the origami programs and the format they share."""
     return [
         ProducerSpec(
             name="merlin",
@@ -62,7 +74,20 @@ def openprc_producers() -> list[ProducerSpec]:
                 "doi:10.1098/rspa.2017.0348; K. Liu, G. H. Paulino (2018), Origami 7"
             ),
             sample="openprc_merlin.samples:write_sample",
-        )
+        ),
+        ProducerSpec(
+            name="fold",
+            summary="FOLD 1.2 files with several frames (.fold): origami animations",
+            load="openprc_merlin.fold_importer:FoldImporter",
+            capabilities=("import",),
+            suffixes=(".fold",),
+            dims=(2, 3),
+            time=("pseudo", "physical"),
+            elements=("nodes", "bars", "hinges", "faces"),
+            options=_FOLD_OPTIONS,
+            citation="E. D. Demaine, J. S. Ku, R. J. Lang (2016), FOLD, github.com/edemaine/fold",
+            sample="openprc_merlin.fold_sample:write_sample",
+        ),
     ]
 
 
@@ -97,6 +122,13 @@ def openprc_exporters() -> list[ExporterSpec]:
             needs=("scipy",),
             install="pip install scipy",
             options=_MERLIN_EXPORT,
+        ),
+        ExporterSpec(
+            name="fold",
+            summary="FOLD 1.2 animation (.fold): edges, assignments and fold angles",
+            load="openprc_merlin.fold_exporter:FoldExporter",
+            citation="E. D. Demaine, J. S. Ku, R. J. Lang (2016), FOLD, github.com/edemaine/fold",
+            options=(_STRIDE,),
         ),
     ]
 

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 _FEW = 3
 #: ... by this factor.
 _GROWTH = 1.5
+#: Share of the longest step with which a body without stiffness against its load begins.
+_SOFT_START = 0.04
 
 
-def arc_length_path(
-    balance: Balance, start: Floats, *, first_factor: float
-) -> Iterator[PathPoint]:
+def arc_length_path(balance: Balance, start: Floats, *, first_factor: float) -> Iterator[PathPoint]:
     """Follow the equilibria under a growing and shrinking load, without end.
 
     The modified generalised displacement control method (Leon, Lages, de Araujo & Paulino
@@ -46,6 +46,9 @@ def arc_length_path(
         An equilibrium without the reference load.
     first_factor : float
         b, the load factor that the first increment aims at.
+    arc_length : float, optional [m]
+        Of that increment: the Euclidean norm of the displacement that it aims at, over all free
+        degrees of freedom. It replaces the size of `first_factor`, not its sign.
 
     Yields
     ------
@@ -73,7 +76,7 @@ def arc_length_path(
             fix="a hundredth of the load where the body snaps is a good start",
             key="initial-load-factor",
         )
-    search = _ArcLength(balance, start, first_factor)
+    search = _ArcLength(balance, start, first_factor, arc_length)
     while True:
         yield search.advance()
 
@@ -81,7 +84,9 @@ def arc_length_path(
 class _ArcLength:
     """Where the path has got to, and how long the next step is."""
 
-    def __init__(self, balance: Balance, start: Floats, first_factor: float) -> None:
+    def __init__(
+        self, balance: Balance, start: Floats, first_factor: float, arc_length: float | None
+    ) -> None:
         self.balance = balance
         self.x, self.factor = start.copy(), 0.0
         self.b = self.first = first_factor
@@ -90,6 +95,9 @@ class _ArcLength:
         self.square = 0.0
         self.before: Floats | None = None
         self.tangent: SymmetricFactors = balance.factors(self.x)
+        if arc_length is not None:
+            size = float(np.linalg.norm(self.tangent.solve(balance.free_reference)))
+            self.b = self.first = float(np.copysign(arc_length / size, first_factor))
 
     def advance(self) -> PathPoint:
         """Return the next point."""
@@ -106,22 +114,29 @@ class _ArcLength:
             try:
                 return self._increment(forward, self.sign * self.b * ratio)
             except (StepFailed, NotConverged) as failed:  # an element may have collapsed, too
-                reason = failed.found if isinstance(failed, NotConverged) else str(failed)
-            self.b *= 0.5
-            share = abs(self.b / self.first)
-            if share < balance.settings.least_step:
+                self.b *= 0.5
+                share = abs(self.b / self.first)
+                if share >= balance.settings.least_step:
+                    continue
                 raise gave_up(
                     f"increment {self.count + 1}, load factor {self.factor:.6g}",
-                    reason,
+                    failed,
                     step=f"the step is down to {share:.1g} of the first one",
                     fix="begin with a smaller initial-load-factor, or look at the last frames:"
                     " elements may have collapsed there",
-                )
+                ) from None
 
     def _keep_short(self, size: float) -> None:
-        """Shorten the step of a body that is soft to its load at first, as a flat sheet is."""
-        if abs(self.b) * size > self.balance.longest:
-            self.b = float(np.copysign(self.balance.longest / size, self.b))
+        """Shorten a step that would carry a node too far.
+
+        A body that has no stiffness against its load, as a flat sheet of "four-thirds" hinges,
+        begins on a short leash: its tangent tells the direction only.
+        """
+        longest = self.balance.longest
+        if self.tangent.n_zero and self.count == 0:
+            longest *= _SOFT_START
+        if abs(self.b) * size > longest:
+            self.b = float(np.copysign(longest / size, self.b))
             if self.count == 0:
                 self.first = self.b
 

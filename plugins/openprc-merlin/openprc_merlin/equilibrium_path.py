@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +68,10 @@ class PathPoint:
     residual: float
     iterations: int
     n_negative: int | None
+
+
+#: A force out of balance counts as rounding below this share of what bars can carry.
+_ROUNDING = 1e-10
 
 
 class StepFailed(Exception):
@@ -138,24 +142,104 @@ class Balance:
         size = float(np.abs(step).max(initial=0.0))
         return self.longest / size if size > self.longest else 1.0
 
+    def under(self, loads: Floats) -> Balance:
+        """Return the balance of the same body under another reference load (N, 3) [N]."""
+        return Balance(self.problem, loads, settings=self.settings)
+
     def point(
         self, x: Floats, factor: float, *, iterations: int, n_negative: int | None
     ) -> PathPoint:
         """Return what is recorded of an equilibrium."""
         forces = self.problem.gradient(x) - factor * self.reference
-        free = np.abs(forces[~self.problem.held])
+        held = self.problem.held
         return PathPoint(
             positions=x,
             factor=factor,
-            reactions=np.where(self.problem.held, forces, 0.0),
-            residual=float(free.max(initial=0.0)),
+            reactions=np.where(held, forces, 0.0),
+            residual=float(np.abs(forces[~held]).max(initial=0.0)),
             iterations=iterations,
             n_negative=n_negative,
         )
 
 
-def gave_up(where: str, reason: str, *, step: str, fix: str) -> NotConverged:
+def newton(
+    balance: Balance, x: Floats, *, factor: float = 1.0
+) -> tuple[Floats, int, int | None]:
+    """Return the equilibrium near `x` (N, 3) [m] under `factor` times the reference load.
+
+    Returns
+    -------
+    positions, iterations, n_negative
+
+    Raises
+    ------
+    StepFailed
+        When the iterations allowed are not enough, or go astray.
+    NotConverged
+        When an element collapses on the way.
+    """
+    allowed = balance.settings.max_iterations
+    for iteration in range(1, allowed + 1):
+        tangent = balance.factors(x)
+        step = tangent.solve(balance.out_of_balance(x, factor))
+        share = balance.allowed_share(step)
+        x = balance.moved(x, share * step)
+        if share * float(np.linalg.norm(step)) < balance.least:
+            # What the tangent at hand still improves costs no factorisation.
+            x = balance.moved(x, tangent.solve(balance.out_of_balance(x, factor)))
+            return x, iteration, tangent.n_negative
+    raise StepFailed(f"{allowed} iterations were not enough")
+
+
+def starting_state(balance: Balance, *, factor: float) -> tuple[Floats, int | None]:
+    """Return the equilibrium to begin with, and the number of its negative eigenvalues.
+
+    The positions of the problem themselves where they are in balance, else what Newton's
+    method, and failing that the descent of the energy, lead to from there.
+
+    Raises
+    ------
+    NotConverged
+        When there is none.
+    """
+    problem = balance.problem
+    x, bars = problem.positions, problem.geometry.bars
+    tangent = balance.factors(x)
+    wrong = balance.out_of_balance(x, factor)
+    strong = float((bars.stiffness * bars.relaxed_length).max(initial=0.0))
+    if (
+        np.abs(wrong).max(initial=0.0) <= _ROUNDING * strong
+        or float(np.linalg.norm(tangent.solve(wrong))) < balance.least
+    ):
+        return x.copy(), tangent.n_negative
+    try:
+        x, _, n_negative = newton(balance, x.copy(), factor=factor)
+    except StepFailed:
+        x, n_negative = lowest_nearby(balance, x, factor=factor), 0
+    return x, n_negative
+
+
+def lowest_nearby(balance: Balance, x: Floats, *, factor: float = 1.0) -> Floats:
+    """Return the minimum of energy downhill from `x` (N, 3) [m], held axes where they are.
+
+    Raises
+    ------
+    NotConverged
+        When there is none.
+    """
+    from openprc.demlat.statics import find_equilibrium  # noqa: PLC0415 - loads scipy
+
+    problem = balance.problem
+    loads = problem.loads + factor * balance.reference
+    found: Floats = find_equilibrium(
+        replace(problem, loads=loads, positions=x), kind="minimum"
+    ).positions
+    return found
+
+
+def gave_up(where: str, failed: Exception, *, step: str, fix: str) -> NotConverged:
     """Return the error of a path that does not go on."""
+    reason = failed.found if isinstance(failed, NotConverged) else str(failed)
     return NotConverged(
         f"no equilibrium at {where}: {reason}, and {step}",
         expected="an equilibrium near the one before; the frames up to there are kept",

@@ -106,9 +106,7 @@ def _largest(displacements: Floats, dofs: Ints) -> Floats:
     return table
 
 
-def _of_experiment(
-    trajectory: Trajectory, displacements: Floats, held: NDArray[np.bool_]
-) -> Drive:
+def _of_experiment(trajectory: Trajectory, displacements: Floats, held: NDArray[np.bool_]) -> Drive:
     """Translate actuators of a simulated experiment, as far as MERLIN has a place for them."""
     reference = np.zeros(displacements.shape[1:])
     signals = [trajectory.input(name) for name in trajectory.inputs]

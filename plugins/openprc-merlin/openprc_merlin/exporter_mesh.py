@@ -73,7 +73,9 @@ def build(trajectory: Trajectory, *, rest: str) -> Mesh:
         raise _missing(trajectory, "no nodes", "positions", "/time_series/nodes/positions")
     shape, notes = _rest(trajectory, rest)
     if "bars" not in trajectory.element_kinds or not len(trajectory.indices("bars")):
-        raise _missing(trajectory, "no bars", "bars, which MERLIN calls truss.Bars", "/topology/bars")
+        raise _missing(
+            trajectory, "no bars", "bars, which MERLIN calls truss.Bars", "/topology/bars"
+        )
     if "bends" in trajectory.element_kinds and len(trajectory.indices("bends")):
         raise UnsupportedScene(
             f"{len(trajectory.indices('bends'))} bends (springs between two bars of a chain)",
@@ -90,7 +92,7 @@ def build(trajectory: Trajectory, *, rest: str) -> Mesh:
     rows = np.concatenate([carried, np.setdiff1d(np.arange(len(bars)), carried)]).astype(np.int64)
     faces, found = _faces(trajectory, hinges)
     notes += found
-    bends = {crease for crease in creases[:n_bends]}
+    bends = set(creases[:n_bends])
     panels, n_input = merged_panels(faces, bends, n_nodes=len(shape))
     return Mesh(
         rest=shape,
@@ -111,7 +113,7 @@ def _missing(trajectory: Trajectory, found: str, expected: str, key: str) -> Mis
     return MissingData(
         found,
         expected=expected,
-        fix="export a bar-and-hinge body: an imported MERLIN run, or a run of an origami experiment",
+        fix="export a bar-and-hinge body: an imported MERLIN run, or a simulated sheet",
         file=trajectory.path,
         key=key,
     )

@@ -69,9 +69,7 @@ def creases_of(trajectory: Trajectory) -> Creases:
     sides: dict[tuple[int, int], int] = {}
     extra: list[tuple[int, int]] = []
     for face in faces.tolist():
-        for (a, b), corner in zip(
-            geometry.sides(face), (face[2], face[0], face[1]), strict=True
-        ):
+        for (a, b), corner in zip(geometry.sides(face), (face[2], face[0], face[1]), strict=True):
             edge = (min(a, b), max(a, b))
             sides[edge] = sides.get(edge, 0) + 1
             wings.setdefault(edge, {})[corner] = (a, b)

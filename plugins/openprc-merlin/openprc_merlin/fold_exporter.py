@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 _BLOCK = 256
+#: Constants of bars and hinges that are kept.
+_CONSTANTS = (
+    "rest_length", "rest_angle", "stiffness", "damping", "prestress", "area", "crease_length",
+    "moment_coefficient", "moment_exponent", "kind_code", "law", "rigid", "limit_low", "limit_high",
+    "stiffness_cubic", "damping_cubic",
+)  # fmt: skip
 
 
 class FoldExporter:
@@ -132,9 +138,7 @@ def _fold_angles(positions: Floats, creases: Creases) -> Floats | None:
     return angles + 0.0
 
 
-def _envelope(
-    trajectory: Trajectory, creases: Creases, frames: NDArray[np.intp]
-) -> dict[str, Any]:
+def _envelope(trajectory: Trajectory, creases: Creases, frames: NDArray[np.intp]) -> dict[str, Any]:
     """Return the keys that every frame inherits."""
     envelope: dict[str, Any] = {
         "file_spec": 1.2,
@@ -149,6 +153,10 @@ def _envelope(
         envelope["edges_assignment"] = list(creases.assignments)
     if len(creases.faces):
         envelope["faces_vertices"] = creases.faces.tolist()
+        as_stored = trajectory.indices("faces")
+        if not np.array_equal(as_stored, creases.faces):
+            # FOLD wants neighbours turned alike, which not every producer cares for.
+            envelope["openprc:faces"] = {"vertices": as_stored.tolist()}
     envelope["openprc:clock"] = {"unit": trajectory.time_unit, "kind": trajectory.time_kind}
     envelope["openprc:nodes"] = _nodes(trajectory)
     for kind in ("bars", "hinges"):
@@ -177,11 +185,12 @@ def _nodes(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _constants(trajectory: Trajectory, kind: str) -> dict[str, Any]:
-    names = trajectory.static_names(kind)
     constants = {}
-    for name in names:
-        values = trajectory.element_static(kind, name)
+    for name in _CONSTANTS:
         path = f"/topology/{kind}/{name}"
+        if not trajectory.has(path):
+            continue
+        values = trajectory.element_static(kind, name)
         unit = trajectory.unit(path) if values.dtype.kind == "f" else None
         constants[name] = {
             "values": [_plain(value) for value in values],

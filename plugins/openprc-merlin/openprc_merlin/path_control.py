@@ -10,7 +10,7 @@ import numpy as np
 
 from openprc.demlat.signal_table import sample_signal
 from openprc.errors import ConfigError
-from openprc_merlin.displacement_control import Station, Unstable
+from openprc_merlin.displacement_control import Station
 from openprc_merlin.equilibrium_path import PathSettings
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Course:
     arc_length: float | None
     max_load: float
     max_displacement: float
-    unstable: Unstable
+    unstable: Literal["follow", "settle", "stop"]
     settings: PathSettings
 
 
@@ -181,7 +181,7 @@ def _control(drives: Drives, wanted: str) -> Control:
     if wanted == "auto":
         if drives.moves:
             return "displacement"
-        return "arc-length" if drives.reference.any() else "load"
+        return "load" if drives.pushes and not drives.reference.any() else "arc-length"
     if wanted == "arc-length" and drives.moves:
         raise _wrong(
             "control",

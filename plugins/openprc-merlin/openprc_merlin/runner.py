@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.hooks.running import refuse_unsupported
+from openprc.hooks.running import refuse_unsupported, silent
 from openprc_merlin.path_findings import path_findings
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class PathRunner:
         writer: TrajectoryWriter,
         *,
         seed: int | None = None,
-        progress: Progress | None = None,
+        progress: Progress = silent,
         options: Mapping[str, Any] | None = None,
     ) -> None:
         """Follow the equilibria of `experiment` and append every increment, rest first.
@@ -62,14 +62,14 @@ class PathRunner:
         """
         # Listing what a scene lacks should not load the solver.
         from openprc.demlat.statics import StaticProblem  # noqa: PLC0415
-        from openprc_merlin.equilibrium_path import Balance  # noqa: PLC0415
+        from openprc_merlin.equilibrium_path import Balance, starting_state  # noqa: PLC0415
         from openprc_merlin.path_control import choose_course, read_drives  # noqa: PLC0415
         from openprc_merlin.path_recorder import PathRecorder  # noqa: PLC0415
 
         del seed
         refuse_unsupported(self.supports(experiment), producer="merlin")
         drives = read_drives(experiment)
-        course = choose_course(experiment, drives, _filled(options))
+        course = choose_course(experiment, drives, {**_defaults(), **(options or {})})
         along = course.control == "arc-length"
         first = drives.stations[0]
         problem = StaticProblem(
@@ -79,31 +79,30 @@ class PathRunner:
             positions=first.positions,
         )
         balance = Balance(
-            problem, drives.reference if along else None, settings=course.settings
+            problem, drives.reference if along else first.loads, settings=course.settings
         )
-        start, shift = starting_state(balance, None if along else first.loads)
+        factor = 0.0 if along else 1.0
+        start, n_negative = starting_state(balance, factor=factor)
         recorder = PathRecorder(experiment, writer, problem=problem, drives=drives, along=along)
         recorder.declare()
-        for remark in _remarks(experiment, course, shift):
+        for remark in _remarks(experiment, course, start):
             writer.note(remark)
-        rest = balance.point(
-            start, 0.0, iterations=0, n_negative=balance.factors(start).n_negative
-        )
-        recorder.append(rest, reference=None if along else first.loads)
-        if progress is not None:
-            progress(0.0, "at rest")
+        recorder.record(balance.point(start, factor, iterations=0, n_negative=n_negative))
+        progress(0.0, "at rest")
         for number, point in enumerate(_path(balance, start, drives, course), 1):
-            recorder.append(point)
-            if progress is not None:
-                progress(number / course.increments, f"increment {number}")
-            if number < course.increments and (ending := _ending(point, course, start)):
+            recorder.record(point)
+            progress(number / course.increments, f"increment {number} of {course.increments}")
+            if ending := _ending(point, course, start):
                 writer.note(f"the path ends at increment {number}: {ending}")
-                return
+                break
+        if recorder.hidden:
+            writer.note(
+                f"rounding hides the number of negative eigenvalues in {recorder.hidden} frames:"
+                " it is NaN there"
+            )
 
 
-def _path(
-    balance: Balance, start: Floats, drives: Drives, course: Course
-) -> Iterator[PathPoint]:
+def _path(balance: Balance, start: Floats, drives: Drives, course: Course) -> Iterator[PathPoint]:
     from openprc_merlin.arc_length import arc_length_path  # noqa: PLC0415
     from openprc_merlin.displacement_control import controlled_path  # noqa: PLC0415
 
@@ -113,9 +112,57 @@ def _path(
             start,
             drives.stations[1:],
             begin=drives.stations[0],
-            unstable=course.unstable,
+            unstable="settle" if course.unstable == "settle" else "follow",
         )
     path = arc_length_path(
         balance, start, first_factor=course.first_factor, arc_length=course.arc_length
     )
     return islice(path, course.increments)
+
+
+def _defaults() -> dict[str, Any]:
+    from openprc_merlin import RUN_OPTIONS  # noqa: PLC0415 - the records load this module
+
+    return {option.name: option.default for option in RUN_OPTIONS}
+
+
+def _ending(point: PathPoint, course: Course, start: Floats) -> str:
+    """Say why the path ends here, if it does."""
+    if abs(point.factor) >= course.max_load:
+        return f"the load factor is {point.factor:.6g}, and max-load {course.max_load:g}"
+    moved = float(np.linalg.norm(point.positions - start, axis=1).max())
+    if moved >= course.max_displacement:
+        return f"a node has moved {moved:.6g} m, and max-displacement is {course.max_displacement:g}"
+    if course.unstable == "stop" and point.n_negative:
+        return f"the state is unstable ({point.n_negative} negative eigenvalues of the stiffness)"
+    return ""
+
+
+def _remarks(experiment: Experiment, course: Course, start: Floats) -> Iterator[str]:
+    """Yield what a reader of the result should know."""
+    yield from experiment.notes
+    geometry = experiment.geometry
+    means = {
+        "arc-length": "the load factor is sought along the path; the input load is that factor,"
+        " 1 for the forces of the signals at the end of the run",
+        "displacement": "driven positions, and forces, are those of the signals at every frame",
+        "load": "forces are those of the signals at every frame",
+    }
+    yield f"quasi-static equilibria, time counts increments: {means[course.control]}"
+    driven = experiment.driven_axes("position").any(axis=1)
+    shift = np.linalg.norm(start - geometry.positions, axis=1)
+    if shift[~driven].max(initial=0.0) > 0.0:
+        yield (
+            f"the body is not in balance as given: frame 0 is the equilibrium nearby, up to"
+            f" {shift.max():.3g} m away"
+        )
+    ignored = {
+        "initial velocities": geometry.velocities.any(),
+        "drag": experiment.damping != 0.0,
+        "damping of elements": any(
+            elements.damping.any() for elements in (geometry.bars, geometry.hinges, geometry.bends)
+        ),
+    }
+    if any(ignored.values()):
+        named = ", ".join(name for name, is_there in ignored.items() if is_there)
+        yield f"without effect in a quasi-static run: {named}"

@@ -1,4 +1,4 @@
-"""PyBullet recordings as OpenPRC trajectories: state logs and the files that users save."""
+"""PyBullet as a source of trajectories: its state logs, users' files, and running scripts."""
 
 from __future__ import annotations
 
@@ -61,13 +61,14 @@ OPTIONS = (
 
 @hookimpl
 def openprc_producers() -> list[ProducerSpec]:
-    """Return the PyBullet importer."""
+    """Return the PyBullet producer."""
     return [
         ProducerSpec(
             name="pybullet",
-            summary="PyBullet state logs, and npz, pickle or CSV files saved from a script",
+            summary="PyBullet: running scripts, state logs, and npz, pickle or CSV files of poses",
             load="openprc_pybullet.producer:Producer",
-            capabilities=("import",),
+            capabilities=("import", "record"),
+            needs={"record": ("pybullet",)},
             suffixes=(".log", ".bin", ".npz", ".pkl", ".pickle", ".csv", ".txt", ".bullet"),
             magic=(b"stepCount,timeStamp,", b"t,r,p,y,q0,", b"BULLETd", b"BT3CMD"),
             install=INSTALL,

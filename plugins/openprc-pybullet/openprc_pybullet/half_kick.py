@@ -44,7 +44,7 @@ class HalfKickLoop:
     ----------
     positions, velocities : (N, 3) [m], [m/s]
         At `time`; without a half kick, velocities are Bullet's own.
-    ledger : (5,) [J]
+    ledger : (5,) or (6,) [J]
         Integrals of `ForceField.power`.
     """
 
@@ -165,7 +165,7 @@ class HalfKickLoop:
 
     @property
     def balance(self) -> Reals:
-        """The ledger as it is stored: work includes what moves the driven masses: (5,) [J]."""
+        """The ledger as it is stored: work includes what moves the driven masses [J]."""
         ledger = self.ledger.copy()
         ledger[0] += self._energy_of_driven() - self._driven_energy
         return ledger

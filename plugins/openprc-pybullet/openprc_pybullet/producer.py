@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from openprc_pybullet.importer import Importer
+from openprc_pybullet.recorder import Recorder
 
 
-class Producer(Importer):
+class Producer(Importer, Recorder):
     """What the record of this plugin loads; see the modules of its parts."""

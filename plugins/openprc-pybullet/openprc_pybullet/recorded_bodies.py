@@ -219,9 +219,7 @@ def _base_offset(
     return _rotate(orientation, local)
 
 
-def _rotate(
-    quaternion: NDArray[np.float64], vector: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _rotate(quaternion: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn a vector by unit quaternions x, y, z, w: ``v + 2 w (r x v) + 2 r x (r x v)``."""
     axis, w = quaternion[..., :3], quaternion[..., 3:]
     across = np.cross(axis, vector)

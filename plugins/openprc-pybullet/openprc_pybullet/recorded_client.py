@@ -9,9 +9,6 @@ from typing import Any
 from openprc.errors import ConfigError, UnsupportedScene
 from openprc_pybullet.client import load_pybullet
 
-#: What marks a recorded body on the server, so that a body which took its id is told from it.
-MARK = "openprc.recorded"
-
 
 @dataclass(frozen=True, slots=True)
 class Clock:
@@ -58,11 +55,12 @@ class Connection:
         count = self.bullet.getNumBodies(self.client)
         return [self.bullet.getBodyUniqueId(i, self.client) for i in range(count)]
 
-    def mark(self, body: int) -> int:
-        """Put a mark on a body; it goes with the body and with ``resetSimulation``."""
-        return int(
-            self.bullet.addUserData(body, MARK, str(body), physicsClientId=self.client)
-        )
+    def mark(self, body: int, name: str) -> int:
+        """Put a mark on a body, so that one which takes its id later is told from it.
+
+        It goes with the body and with ``resetSimulation``; the motion does not feel it.
+        """
+        return int(self.bullet.addUserData(body, name, name, physicsClientId=self.client))
 
     def unmark(self, mark: int) -> None:
         """Take a mark away, if the server and the body are still there."""

@@ -12,6 +12,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -112,9 +113,7 @@ def _rows(name: str, values: ArrayLike) -> NDArray[np.float64]:
 class _Held:
     """Symbols as a function of time."""
 
-    def __init__(
-        self, name: str, symbols: NDArray[np.float64], hold: float, start: float
-    ) -> None:
+    def __init__(self, name: str, symbols: NDArray[np.float64], hold: float, start: float) -> None:
         self._name, self._symbols, self._hold, self._start = name, symbols, hold, start
 
     def __call__(self, t: float) -> NDArray[np.float64]:
@@ -177,21 +176,22 @@ class Signals:
     def finish(self, *, t: float, step: int) -> bool:
         """Complete the last frame, at `t`; return whether a command had to be kept."""
         row: list[float] = []
-        kept = False
+        widths, kept = [], False
         old = iter(_split(self._last, self.widths)) if self._last is not None else None
         for spec, read in zip(self.specs, self._readers, strict=True):
-            before = next(old) if old is not None else None
-            if _is_function_of_time(spec.value):
-                row += self._numbers(spec, read({}, t, step))
-            elif isinstance(spec.value, np.ndarray) and step < len(spec.value):
-                row += self._numbers(spec, read({}, t, step))
-            elif before is not None:
-                row += before
-                kept = True
-            else:
+            numbers = next(old) if old is not None else None
+            goes_on = isinstance(spec.value, np.ndarray) and step < len(spec.value)
+            if goes_on or _is_function_of_time(spec.value):
+                numbers = self._numbers(spec, read({}, t, step))
+            elif numbers is None:
                 raise _wrong(
                     spec.name, "has no value: no step was made", "a step", "step before the end"
                 )
+            else:
+                kept = True
+            widths.append(len(numbers))
+            row += numbers
+        self.widths = self.widths or widths
         self.rows.append(tuple(row))
         return kept
 
@@ -205,7 +205,7 @@ class Signals:
         if not self.widths:
             self.widths = widths
         elif widths != self.widths:
-            k = next(i for i, pair in enumerate(zip(widths, self.widths)) if pair[0] != pair[1])
+            k = next(i for i, width in enumerate(widths) if width != self.widths[i])
             raise _wrong(
                 self.specs[k].name, f"has {widths[k]} values at {t:.9g} s",
                 f"{self.widths[k]}, as before", "always give the same number of values",
@@ -264,14 +264,13 @@ class Signals:
         table = np.array(self.rows[:n_rows], dtype="f8").reshape(n_rows, -1)
         del self.rows[:n_rows]
         stops = np.cumsum([0, *self.widths])
-        return {
-            spec.name: table[:, stops[i] : stops[i + 1]] for i, spec in enumerate(self.specs)
-        }
+        return {spec.name: table[:, stops[i] : stops[i + 1]] for i, spec in enumerate(self.specs)}
 
 
 def _reader(spec: SignalSpec) -> Callable[[Mapping[str, Any], float, int], Any]:
     value = spec.value
     if isinstance(value, np.ndarray):
+
         def row(_given: Mapping[str, Any], t: float, step: int) -> Any:
             if step >= len(value):
                 raise _wrong(
@@ -303,7 +302,7 @@ def _is_function_of_time(value: Any) -> bool:
 
 def _split(row: Sequence[float], widths: Sequence[int]) -> list[Sequence[float]]:
     stops = np.cumsum([0, *widths])
-    return [row[a:b] for a, b in zip(stops[:-1], stops[1:], strict=True)]
+    return [row[a:b] for a, b in pairwise(stops)]
 
 
 def _wrong(name: str, found: str, expected: str, fix: str) -> ConfigError:

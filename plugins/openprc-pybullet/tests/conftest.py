@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from openprc_pybullet import OPTIONS
 from openprc_pybullet.importer import Importer
+from openprc_pybullet.runner import Runner
 
+from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema import Provenance, Trajectory, TrajectoryWriter
 
 DATA = Path(__file__).resolve().parents[3] / "../shared/data/pybullet"
@@ -54,6 +56,28 @@ def pb_import(tmp_path):
             raise
         finally:
             assert hashlib.sha256(path.read_bytes()).digest() == before
+        result = Imported(out)
+        result.notes = writer.notes
+        opened.append(result)
+        return result
+
+    yield run
+    for trajectory in opened:
+        trajectory.close()
+
+
+@pytest.fixture
+def pb_run(tmp_path):
+    """Run an experiment, by PyBullet unless told otherwise; the result has the run's notes."""
+    opened = []
+
+    def run(experiment, *, runner=None, **options):
+        out = tmp_path / f"made{len(opened)}.h5"
+        runner = runner or Runner()
+        refuse_unsupported(runner.supports(experiment), producer="pybullet")
+        given = {"options": options} if options else {}
+        with TrajectoryWriter(out, provenance=Provenance("pybullet")) as writer:
+            runner.run(experiment, writer, seed=None, progress=silent, **given)
         result = Imported(out)
         result.notes = writer.notes
         opened.append(result)

@@ -1,4 +1,4 @@
-"""PyElastica as a source of trajectories: reads what the callbacks of a script saved."""
+"""PyElastica as a source of trajectories: recorder, runner, and reader of saved recordings."""
 
 from openprc.hooks import ExtensionSpec, OptionSpec, ProducerSpec, hookimpl
 
@@ -54,20 +54,69 @@ _OPTIONS = (
 )
 
 
+_RUN_OPTIONS = (
+    OptionSpec(
+        "poisson",
+        "Poisson's ratio of the material, for the shear stiffness that a rod has and bars lack.",
+        kind="float",
+        default=0.5,
+    ),
+    OptionSpec(
+        "shear_scale",
+        "Factor on the shear stiffness: larger comes closer to bars and needs shorter steps.",
+        kind="float",
+        default=1.0,
+    ),
+    OptionSpec(
+        "radius",
+        "Radius [m] that sets the rotary inertia of the elements; 2 sqrt(EI/EA) when left out, "
+        "a tenth of an element where nothing resists bending.",
+        kind="float",
+    ),
+    OptionSpec(
+        "clamp",
+        "What two fixed nodes at an end become: a held node and a held element as in "
+        "OneEndFixedBC, whose shear moves the second node a little; or two held nodes.",
+        default="element",
+        choices=("element", "nodes"),
+    ),
+    OptionSpec(
+        "substeps",
+        "Simulation steps in one dt of the experiment: a number, or auto for as many as "
+        "stability needs.",
+        default="1",
+    ),
+)
+
+
 @hookimpl
 def openprc_producers() -> list[ProducerSpec]:
-    """Offer the importer."""
+    """Offer importer, recorder and runner under one name."""
     return [
         ProducerSpec(
             name="pyelastica",
-            summary="Cosserat rods: recordings of PyElastica scripts (pickles, .npz, parts)",
-            load="openprc_pyelastica.importer:Importer",
-            capabilities=("import",),
+            summary="Cosserat rods by PyElastica: run chains, record scripts, read recordings",
+            load="openprc_pyelastica.producer:Producer",
+            capabilities=("import", "record", "run"),
             suffixes=(".npz", ".dat", ".pkl", ".pickle"),
             magic=(b"PK\x03\x04", b"\x80\x04", b"\x80\x05", b"\x80\x03", b"\x80\x02"),
+            needs={"record": ("elastica",), "run": ("elastica",)},
+            install="pip install 'pyelastica>=0.3.3,<2'",
             dims=(2, 3),
-            elements=("nodes", "bars", "rods"),
+            elements=(
+                "nodes",
+                "bars",
+                "rods",
+                "rigid-bodies",
+                "joints",
+                "gravity",
+                "damping",
+                "position-actuators",
+                "velocity-actuators",
+                "force-actuators",
+            ),
             options=_OPTIONS,
+            run_options=_RUN_OPTIONS,
             trusts_pickle=True,
             citation="Gazzola et al. 2018, doi:10.1098/rsos.171628; "
             "Naughton et al. 2021, doi:10.1109/LRA.2021.3063698",

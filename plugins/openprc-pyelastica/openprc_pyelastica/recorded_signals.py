@@ -80,6 +80,8 @@ def _signal(name: str, given: Any) -> Signal:
     if value is None:
         if symbols is None:
             raise _wrong(name, "neither a value nor a sequence", "one of them")
+        if settings.get("start", 0.0) > 0.0:
+            raise _wrong(name, "a sequence that starts after t = 0, and no value", "a value, too")
         read = _held(symbols, float(settings["hold"]), float(settings.get("start", 0.0)))
     elif callable(value):
         read = _function(name, value)
@@ -123,9 +125,7 @@ def _row(name: str, value: Any) -> Callable[[float, int], NDArray[np.float64]]:
     rows = np.asarray(value, dtype=np.float64)
     rows = rows[:, np.newaxis] if rows.ndim == 1 else rows
     if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
-        raise _wrong(
-            name, f"an array of shape {np.shape(value)}", "finite numbers (K,) or (K, C)"
-        )
+        raise _wrong(name, f"an array of shape {np.shape(value)}", "finite numbers (K,) or (K, C)")
 
     def read(time: float, step: int) -> NDArray[np.float64]:
         if step >= len(rows):
@@ -145,8 +145,7 @@ def _held(
     def read(time: float, step: int) -> NDArray[np.float64]:
         del step
         symbol = math.floor((time - start) / hold + SYMBOL_SLACK)
-        # Before the first and after the last symbol nothing new is said.
-        return symbols[min(max(symbol, 0), len(symbols) - 1)]
+        return symbols[min(symbol, len(symbols) - 1)]  # the last one stays
 
     return read
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def strained_most(experiment: Experiment, positions: NDArray[np.float64], node: int) -> str:
-    """Name the bar at a node that is strained most, or a hinge there; empty if it has none.
+    """Name the bar at a node that is strained most, or a hinge or bend there; empty if it has none.
 
     Parameters
     ----------
@@ -38,9 +38,13 @@ def strained_most(experiment: Experiment, positions: NDArray[np.float64], node: 
             f"; of the bars there, bar {at_node[worst]} between nodes {i} and {j} is strained"
             f" most, by {strains[worst]:.3g}"
         )
+    bends = experiment.geometry.bends.indices
     folds = np.flatnonzero((hinges.indices == node).any(axis=1))
     if len(folds):
         return f"; it belongs to hinge {folds[0]} {hinges.indices[folds[0]].tolist()}, not to a bar"
+    turning = np.flatnonzero((bends == node).any(axis=1))
+    if len(turning):
+        return f"; it belongs to bend {turning[0]} {bends[turning[0]].tolist()}, not to a bar"
     return ""
 
 

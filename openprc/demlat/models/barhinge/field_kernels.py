@@ -12,7 +12,6 @@ from openprc.demlat.compiled.jit import entry, jit
 from openprc.demlat.integrators.stepping import save_frame, total
 from openprc.demlat.models.barhinge.drive_kernels import place_driven
 from openprc.demlat.models.barhinge.dynamics_kernels import evaluate
-from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE
 
 
 @jit
@@ -92,7 +91,3 @@ def field_frame(stamp: int) -> Any:
         save_frame(body, x, v, rates, energy, scale, row, buffer)
 
     return field_frame
-
-
-#: Rows of the ledger of powers times their stride.
-POWER_COLUMNS = 5 * LEDGER_STRIDE

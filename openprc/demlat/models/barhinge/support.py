@@ -81,6 +81,17 @@ def _refusals(experiment: Experiment) -> Iterator[Finding]:
                 expected="forces on axes that can move",
                 fix="drop the axis or the actuator: the force would have no effect",
             )
+    power = geometry.hinges.law == "four-thirds"
+    if power.any():
+        yield Finding(
+            code="DEM-HINGE-LAW",
+            level="error",
+            path="elements/hinges/law",
+            found=f"the law 'four-thirds' on {int(power.sum())} hinges",
+            expected="'linear' or 'enhanced-linear': the engine has no other; this one is without"
+            " stiffness at rest and made for quasi-static runs",
+            fix="give them a linear stiffness, or run it with --producer merlin",
+        )
     degenerate = list(_degenerate_hinges(experiment))
     yield from degenerate
     if scheme is not None and not degenerate and experiment.step_check == "refuse":

@@ -1,0 +1,152 @@
+"""SCENE: what supports() lets pass takes effect, and what it refuses is not run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from openprc.errors import OpenPRCError
+from openprc.schema.experiment import Actuator, Collision, Experiment, Signal
+from openprc.schema.geometry import Bars, Bends, Geometry, Hinges
+from openprc.schema.provenance import Provenance
+from openprc.schema.trajectory import Trajectory
+from openprc.schema.writer import TrajectoryWriter
+from openprc.hooks.running import silent
+from openprc.testing.cases import RunnerCase
+from openprc.testing.check import check
+from openprc.testing.outcome import NotApplicable, fail
+from openprc.testing.simulations import (
+    findings_of,
+    options_of,
+    prepared,
+    refusal,
+    run,
+    runner_of,
+)
+
+_RIGHT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.8, 0], [0.5, -0.8, 0.0]], dtype=np.float64)
+_PAIRS = np.array([(0, 1), (0, 2), (1, 2), (0, 3), (1, 3)])
+
+
+def _body(**changes: object) -> Geometry:
+    """Return two triangles on a common edge, stretched a little so that they move."""
+    lengths = np.linalg.norm(_RIGHT[_PAIRS[:, 0]] - _RIGHT[_PAIRS[:, 1]], axis=1)
+    bars = {
+        "indices": _PAIRS, "stiffness": np.full(5, 40.0), "rest_length": 0.97 * lengths,
+        **changes.pop("bars", {}),  # type: ignore[arg-type]
+    }  # fmt: skip
+    columns: dict[str, object] = {
+        "positions": _RIGHT, "masses": np.full(4, 0.1),
+        "fixed": np.array([True, True, False, False]), "bars": Bars(**bars),  # type: ignore[arg-type]
+    }  # fmt: skip
+    return Geometry(**(columns | changes))  # type: ignore[arg-type]
+
+
+def _driven(kind: str) -> dict[str, object]:
+    value = {"position": 0.01, "force": 0.5, "velocity": 0.1}[kind]
+    drive = Signal(name="u", values=np.linspace(0.0, value, 11), dt=0.01, interpolation="linear")
+    actuator = Actuator(node=2, signal="u", type=kind, axes=(False, False, True))  # type: ignore[arg-type]
+    return {"signals": {"u": drive}, "actuators": (actuator,)}
+
+
+def probes(case: RunnerCase) -> dict[str, tuple[Experiment, Experiment]]:
+    """Return, for every thing that a scene can contain, the scene with it and without it."""
+    plain = Experiment(
+        geometry=_body(), duration=0.1, dt=5e-4 * case.dt_factor, save_interval=0.02,
+    )  # fmt: skip
+    near = _RIGHT.copy()
+    near[3] = near[2] + [0.0, 0.0, 0.05]
+    touching = _body(positions=near, collidable=np.array([False, False, True, True]))
+
+    def of(**changes: object) -> tuple[Experiment, Experiment]:
+        return replace(plain, **changes), plain  # type: ignore[arg-type]
+
+    ones = np.ones(5)
+    return {
+        "gravity": of(gravity=(0.0, 0.0, -9.81)),
+        "damping of nodes": of(damping=0.5),
+        "damping of bars": of(geometry=_body(bars={"damping": 0.5 * ones})),
+        "prestress": of(geometry=_body(bars={"prestress": -0.02 * ones})),
+        "an initial velocity": of(geometry=_body(velocities=np.full((4, 3), 0.1))),
+        "cubic bars": of(geometry=_body(bars={
+            "law": np.full(5, "cubic"), "stiffness_cubic": 5e4 * ones})),
+        "cables": of(geometry=_body(bars={"law": np.full(5, "cable"),
+                                          "prestress": 0.05 * ones})),
+        "rigid bars": of(geometry=_body(bars={"rigid": ones.astype(bool)})),
+        "hinges": of(geometry=_body(hinges=Hinges(
+            indices=[[0, 1, 2, 3]], stiffness=[0.5], rest_angle=[2.5]))),
+        "bends": of(geometry=_body(bends=Bends(
+            indices=[[2, 0, 3]], stiffness=[0.5], rest_angle=[1.0]))),
+        "forces": of(**_driven("force")),
+        "prescribed positions": of(**_driven("position")),
+        "prescribed velocities": of(**_driven("velocity")),
+        "contact": (
+            replace(plain, geometry=touching, collision=Collision(enabled=True, radius=0.04)),
+            replace(plain, geometry=touching),
+        ),
+    }  # fmt: skip
+
+
+@check("SCENE-1", "what supports() lets pass is run and takes effect", "runner")
+def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
+    """Run small scenes with and without each thing; equal motions mean that it is ignored."""
+    looked_at = 0
+    for number, (what, (present, absent)) in enumerate(probes(case).items()):
+        found = findings_of(case, present)
+        if any(item.level == "error" for item in found) or refusal(case, absent):
+            continue
+        motions = []
+        for name, experiment in (("with", present), ("without", absent)):
+            try:
+                out = run(case, experiment, folder / f"{number}-{name}.h5")
+            except OpenPRCError as error:
+                fail(f"a scene with {what} passes supports(), and run() says: {error.found}",
+                     expected="a run, or an error of supports()",
+                     fix="return a Finding of level 'error' for it")  # fmt: skip
+            with Trajectory(out) as trajectory:
+                motions.append(trajectory.positions())
+        looked_at += 1
+        dims = min(motion.shape[2] for motion in motions)
+        same = np.array_equal(motions[0][..., :dims], motions[1][..., :dims])
+        # Who says that it is left out, in a warning, may leave it out.
+        if same and not found:
+            fail(f"{what} are accepted and change nothing" if what.endswith("s")
+                 else f"{what} is accepted and changes nothing",
+                 expected="a motion that depends on it, or a finding of supports()",
+                 fix="model it, or refuse it in supports()")  # fmt: skip
+    if not looked_at:
+        raise NotApplicable("the runner models none of the kit's small scenes")
+
+
+@check("SCENE-2", "what supports() refuses is not run", "runner")
+def what_is_refused_is_not_run(case: RunnerCase, folder: Path) -> None:
+    """Call run() all the same, on every small scene that supports() refuses."""
+    refused = {
+        what: present for what, (present, _) in probes(case).items() if refusal(case, present)
+    }
+    if not refused:
+        raise NotApplicable("the runner refuses none of the kit's small scenes")
+    for number, (what, experiment) in enumerate(refused.items()):
+        for item in findings_of(case, experiment):
+            if item.level == "error" and not (item.found and item.expected and item.fix):
+                fail(f"the refusal of {what} says {item.found!r}, expected {item.expected!r}, "
+                     f"to do {item.fix!r}", expected="all three",
+                     fix="say what was found, what was expected, what to do")  # fmt: skip
+        options = options_of(case)
+        given = {"options": options} if options else {}
+        writer = TrajectoryWriter(folder / f"{number}.h5", provenance=Provenance(case.name))
+        try:
+            with writer:
+                runner_of(case).run(
+                    prepared(case, experiment), writer, seed=None, progress=silent, **given
+                )
+        except OpenPRCError:
+            continue
+        fail(f"a scene with {what} is refused by supports(), and run() ran it",
+             expected="UnsupportedScene", fix="call refuse_unsupported(self.supports(experiment), "
+             "producer=...) first")  # fmt: skip
+
+
+__all__ = ["probes"]

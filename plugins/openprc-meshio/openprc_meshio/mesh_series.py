@@ -1,0 +1,86 @@
+"""Series of mesh files, one a step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import overload
+
+import numpy as np
+
+from openprc.errors import UnreadableFile
+from openprc_meshio import mesh_files, numbered
+from openprc_meshio.frames import Frame, Series
+
+SUFFIXES = tuple(mesh_files.FORMATS)
+
+
+def open_series(path: Path, *, reader: str | None = None) -> Series:
+    """Return the series that a PVD file lists, or that numbered files make up.
+
+    Raises
+    ------
+    NotATrajectory
+        When it is a single mesh.
+    UnreadableFile
+        When a file is of a kind that is not read.
+    """
+    pvd = path.suffix.lower() == ".pvd" and not path.is_dir()
+    listing = numbered.listed(path) if pvd else numbered.numbered(path, SUFFIXES)
+    strange = [file for file in listing.files if file.suffix.lower() not in SUFFIXES]
+    if strange:
+        raise UnreadableFile(
+            f"it lists {strange[0].name}",
+            expected="files ending in " + ", ".join(SUFFIXES),
+            fix="save the steps as VTU, in ParaView with one piece each",
+            file=path,
+        )
+    module = mesh_files.load_reader(reader)
+    first = mesh_files.MeshFrame(listing.files[0], reader=module)
+    frames = _Files(listing.files, module, first)
+    notes = [f"read by {mesh_files.version_of(module)}, {len(listing.files)} files"]
+    times = listing.times
+    if times is None and first.time is not None:
+        times = np.array([frames[i].time for i in range(len(frames))], dtype=np.float64)
+        if not (np.diff(times) > 0).all():  # also where a file has none, which is NaN
+            times = None
+            notes.append("the times in the files (TimeValue) do not increase and were left aside")
+        else:
+            notes.append("times are those in the files (TimeValue)")
+    if first.said:
+        notes.append(f"{module.__name__} said about {first.path.name}: {first.said}")
+    series = Series(path, frames, times, notes=notes)
+    series.numbers = listing.numbers
+    named = path.resolve()
+    series.sources = [file for file in listing.files if file.resolve() != named and not path.is_dir()]
+    return series
+
+
+class _Files(Sequence[Frame]):
+    """Reads a file when its frame is asked for; the last one is kept."""
+
+    def __init__(
+        self, files: tuple[Path, ...], reader: ModuleType, first: mesh_files.MeshFrame
+    ) -> None:
+        self._files = files
+        self._reader = reader
+        self._last = (0, first)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @overload
+    def __getitem__(self, index: int) -> mesh_files.MeshFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[mesh_files.MeshFrame]: ...
+    def __getitem__(
+        self, index: int | slice
+    ) -> mesh_files.MeshFrame | list[mesh_files.MeshFrame]:
+        """Return a frame."""
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if self._last[0] != index:
+            frame = mesh_files.MeshFrame(self._files[index], reader=self._reader)
+            self._last = (index, frame)
+        return self._last[1]
