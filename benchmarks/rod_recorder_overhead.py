@@ -4,9 +4,11 @@
 
 Every callback fires and sees the state of a finalized rod, whose arrays are strided views into
 PyElastica's memory block. Three ways of keeping it take turns in one process; processor time, one
-thread, medians of the rounds, everything until the numbers lie in a file included:
+thread, medians of the rounds. "callback" is what the loop waits for at a step, "+ file" everything
+until the numbers lie in a file:
 
-*recorder*: openprc-pyelastica, to a validated simulation.h5 (written in the same thread).
+*recorder*: openprc-pyelastica, to simulation.h5, written in blocks in the same thread; it also forms
+and stores length and strain of every element, and looks for divergence.
 *list*: copies appended to a dict of lists, then np.savez; nothing is written before the end.
 *export*: PyElastica's own ExportCallBack, npz parts of 32 MB; it always keeps directors, too.
 
@@ -80,16 +82,32 @@ def new_simulator(n_elements: int) -> tuple[Simulator, ea.CosseratRod]:
     return simulator, rod
 
 
-def fire(simulator: Simulator, frames: int) -> float:
+def fire(simulator: Simulator, frames: int, *, first: int = 1) -> float:
     """Call the callbacks once for each frame and return the processor time [s]."""
     before = time.process_time()
-    for step in range(1, frames + 1):
+    for step in range(first, first + frames):
         simulator.apply_callbacks(time=step * STEP, current_step=step)
     return time.process_time() - before
 
 
-def by_recorder(n: int, frames: int, folder: Path, *, directors: bool) -> float:
+#: Calls that fit into a block of the recorder at every size that is measured.
+CALLS = 150
+
+Cost = tuple[float, float]
+
+
+def by_recorder(n: int, frames: int, folder: Path, *, directors: bool) -> Cost:
     """Record; also check that the file holds what the rod showed."""
+    simulator, _ = new_simulator(n)
+    recording = record_run(
+        simulator, folder / "calls.h5", producer="pyelastica", directors=directors
+    )
+    simulator.finalize()
+    calls = 0.0
+    for first in range(1, frames + 1, CALLS):
+        recording.session.flush()
+        calls += fire(simulator, min(CALLS, frames + 1 - first), first=first)
+    recording.close()
     simulator, rod = new_simulator(n)
     target = folder / "run.h5"
     recording = record_run(
@@ -105,10 +123,10 @@ def by_recorder(n: int, frames: int, folder: Path, *, directors: bool) -> float:
     with Trajectory(target) as run:
         assert run.n_frames == frames + 1
         assert np.array_equal(run.positions()[-1], rod.position_collection.T)
-    return taken
+    return calls, taken
 
 
-def by_list(n: int, frames: int, folder: Path, *, directors: bool) -> float:
+def by_list(n: int, frames: int, folder: Path, *, directors: bool) -> Cost:
     """Append to lists, then save."""
     simulator, rod = new_simulator(n)
     kept: dict[str, list[np.ndarray]] = defaultdict(list)
@@ -117,10 +135,10 @@ def by_list(n: int, frames: int, folder: Path, *, directors: bool) -> float:
     taken = fire(simulator, frames)
     before = time.process_time()
     np.savez(folder / "list.npz", **{key: np.array(values) for key, values in kept.items()})
-    return taken + time.process_time() - before
+    return taken, taken + time.process_time() - before
 
 
-def by_export(n: int, frames: int, folder: Path, *, directors: bool) -> float:
+def by_export(n: int, frames: int, folder: Path, *, directors: bool) -> Cost:
     """Let PyElastica export."""
     del directors  # it has no choice
     simulator, rod = new_simulator(n)
@@ -135,10 +153,10 @@ def by_export(n: int, frames: int, folder: Path, *, directors: bool) -> float:
     taken = fire(simulator, frames)
     before = time.process_time()
     simulator.close()
-    return taken + time.process_time() - before
+    return taken, taken + time.process_time() - before
 
 
-def by_copy(n: int, frames: int, folder: Path, *, directors: bool) -> float:
+def by_copy(n: int, frames: int, folder: Path, *, directors: bool) -> Cost:
     """Copy into memory that is made beforehand: the least that can be done."""
     del folder
     simulator, rod = new_simulator(n)
@@ -153,10 +171,11 @@ def by_copy(n: int, frames: int, folder: Path, *, directors: bool) -> float:
         velocities[row] = rod.velocity_collection
         if directors:
             turned[row] = rod.director_collection
-    return time.process_time() - before
+    taken = time.process_time() - before
+    return taken, taken
 
 
-WAYS: dict[str, Callable[..., float]] = {
+WAYS: dict[str, Callable[..., Cost]] = {
     "recorder": by_recorder,
     "list": by_list,
     "export": by_export,
@@ -164,25 +183,31 @@ WAYS: dict[str, Callable[..., float]] = {
 }
 
 
-def measure(n: int, frames: int, rounds: int, *, directors: bool) -> dict[str, float | int | bool]:
-    """Return one row of the table: microseconds a callback, and ratios."""
-    taken: dict[str, list[float]] = {name: [] for name in WAYS}
+def measure(n: int, frames: int, rounds: int, *, directors: bool) -> list[dict[str, object]]:
+    """Return two rows of the table: microseconds a callback, and ratios."""
+    taken: dict[str, list[Cost]] = {name: [] for name in WAYS}
     for _ in range(rounds):
         for name, way in WAYS.items():
             with tempfile.TemporaryDirectory() as folder:
-                taken[name].append(1e6 * way(n, frames, Path(folder), directors=directors) / frames)
-    cost = {name: float(np.median(values)) for name, values in taken.items()}
-    ratio = {
-        name: float(np.median(np.array(taken["recorder"]) / np.array(taken[name])))
-        for name in ("list", "export", "copy")
-    }
-    return {
-        "elements": n,
-        "directors": directors,
-        **{f"{name}_us": value for name, value in cost.items()},
-        **{f"recorder_to_{name}": value for name, value in ratio.items()},
-        "share_of_bar": cost["recorder"] / BAR,
-    }
+                calls, whole = way(n, frames, Path(folder), directors=directors)
+                taken[name].append((1e6 * calls / frames, 1e6 * whole / frames))
+    rows = []
+    for part, label in enumerate(("callback", "+ file")):
+        cost = {name: np.array([pair[part] for pair in pairs]) for name, pairs in taken.items()}
+        rows.append(
+            {
+                "part": label,
+                "elements": n,
+                "directors": directors,
+                **{f"{name}_us": float(np.median(values)) for name, values in cost.items()},
+                **{
+                    f"recorder_to_{name}": float(np.median(cost["recorder"] / cost[name]))
+                    for name in ("list", "export", "copy")
+                },
+                "share_of_bar": float(np.median(cost["recorder"])) / BAR,
+            }
+        )
+    return rows
 
 
 def main() -> None:
@@ -193,19 +218,21 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     rows = [
-        measure(n, options.frames, options.rounds, directors=directors)
+        row
         for directors in (False, True)
         for n in ELEMENTS
+        for row in measure(n, options.frames, options.rounds, directors=directors)
     ]
     if options.json:
         print(json.dumps(rows, indent=2))
         return
-    table = Table(title="a callback that fires, file included: us")
-    names = ("elements", "directors", *WAYS, "to list", "to export", "to copy", f"of {BAR:g} us")
+    table = Table(title="a callback that fires: us, and the recorder's time over the others'")
+    names = ("part", "n", "directors", *WAYS, "/list", "/export", "/copy", f"of {BAR:g} us")
     for name in names:
         table.add_column(name, justify="right")
-    for row in rows:
+    for row in sorted(rows, key=lambda row: row["part"] == "+ file"):
         table.add_row(
+            row["part"],
             str(row["elements"]),
             "yes" if row["directors"] else "no",
             *(f"{row[f'{name}_us']:.2f}" for name in WAYS),

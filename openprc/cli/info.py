@@ -37,6 +37,7 @@ def _experiment(path: Path) -> dict[str, Any]:
         "n_nodes": geometry.n_nodes,
         "n_bars": len(geometry.bars),
         "n_hinges": len(geometry.hinges),
+        **({"n_bends": len(geometry.bends)} if len(geometry.bends) else {}),
         "duration": scene.duration,
         "dt": scene.dt,
         "save_interval": scene.save_interval,

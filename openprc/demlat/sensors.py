@@ -27,6 +27,7 @@ Quantity = Literal[
     "bar_extensions",
     "bar_strains",
     "hinge_angles",
+    "bend_angles",
 ]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _AXES = "xyz"
@@ -34,7 +35,7 @@ _AXES = "xyz"
 
 @dataclass(frozen=True)
 class Sensors:
-    """A quantity of some nodes, bars or hinges.
+    """A quantity of some nodes, bars, hinges or bends.
 
     Columns have the names and the order of the features of `openprc.reservoir` that read the
     same from a file, so that a readout which was trained on a recording fits.
@@ -44,9 +45,9 @@ class Sensors:
     quantity : str
         "positions" [m], "displacements" [m] from the geometry, "velocities" [m/s],
         "bar_lengths" [m], "bar_extensions" [m] beyond the unstressed lengths, "bar_strains"
-        relative to these, or "hinge_angles" [rad].
+        relative to these, "hinge_angles" or "bend_angles" [rad].
     ids : sequence of int, optional
-        Nodes, bars or hinges; all by default.
+        Nodes, bars, hinges or bends; all by default.
     axes : str
         Of quantities of nodes: some of "xyz".
     """
@@ -61,7 +62,7 @@ class Sensors:
         Raises
         ------
         ConfigError
-            When there is no such quantity, axis, node, bar or hinge.
+            When there is no such quantity, axis, node or element.
         """
         if self.quantity not in QUANTITIES:
             raise ConfigError(
@@ -79,6 +80,7 @@ class Sensors:
             "node": geometry.n_nodes,
             "bar": len(geometry.bars),
             "hinge": len(geometry.hinges),
+            "bend": len(geometry.bends),
         }[what]
         ids = np.arange(count) if self.ids is None else np.atleast_1d(np.asarray(self.ids))
         if ids.ndim != 1 or not len(ids) or ids.dtype.kind not in "iu":
@@ -102,7 +104,11 @@ class Sensors:
         if self._kind == "node":
             prefix = "v" if self.quantity == "velocities" else ""
             return tuple(f"node{n}.{prefix}{axis}" for n in ids for axis in self.axes)
-        suffix = {"bar_extensions": ".extension", "bar_strains": ".strain"}.get(self.quantity, "")
+        suffix = {
+            "bar_extensions": ".extension",
+            "bar_strains": ".strain",
+            "bend_angles": ".angle",
+        }.get(self.quantity, "")
         return tuple(f"{self._kind}{e}{suffix}" for e in ids)
 
     def reader(self, experiment: Experiment, reference: Reals) -> Reader:
@@ -133,7 +139,7 @@ class Sensors:
                 return values.reshape(-1)
 
             return read_nodes
-        name = "angle" if self._kind == "hinge" else "length"
+        name = {"bar": "length", "hinge": "angle", "bend": "bend_angle"}[self._kind]
         rest, unit = np.zeros(len(ids)), np.ones(len(ids))
         if self.quantity in ("bar_extensions", "bar_strains"):
             rest = geometry.bars.rest_length[ids]
@@ -148,7 +154,7 @@ class Sensors:
 
     @property
     def _kind(self) -> str:
-        for prefix in ("bar", "hinge"):
+        for prefix in ("bar", "hinge", "bend"):
             if self.quantity.startswith(prefix):
                 return prefix
         return "node"

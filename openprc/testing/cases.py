@@ -113,7 +113,7 @@ class Case:
         """Import names that listing the plugin must not import."""
         return tuple(dict.fromkeys((*self.heavy, *self.needs, *HEAVY)))
 
-    def is_slow(self, id: str) -> bool:  # noqa: A002 - as in Check
+    def is_slow(self, id: str) -> bool:
         """Whether that check is to be marked slow."""
         return id in self.slow or id.rpartition("-")[0] in self.slow
 
@@ -220,9 +220,6 @@ class ExporterCase(Case):
     import_options : mapping
     tolerance : float
         Largest deviation after the way out and back, relative to the spread.
-    refuses : mapping of str to str
-        Trajectories of the kit that the format has no room for, with the reason:
-        "planar", "gaps", "channels", "body".
     """
 
     suffix: str = field(default="", kw_only=True)
@@ -230,7 +227,6 @@ class ExporterCase(Case):
     importer: str | None = field(default=None, kw_only=True)
     import_options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
     tolerance: float = field(default=1e-12, kw_only=True)
-    refuses: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     kind: ClassVar[Kind] = "exporter"
     hook: ClassVar[str] = "openprc_exporters"

@@ -126,7 +126,7 @@ _CHECKS: dict[str, Check] = {}
 
 
 def check(
-    id: str,  # noqa: A002 - it is what it is called everywhere else
+    id: str,
     says: str,
     *kinds: Kind,
     apart: bool = False,

@@ -44,22 +44,30 @@ def nan_and_mask_agree(case: ImporterCase, folder: Path) -> None:
     wrong = np.argwhere(gaps != (mask == 0))
     if len(wrong):
         frame, node = wrong[0]
-        fail(f"node {node} of frame {frame} is {'NaN' if gaps[frame, node] else 'a number'} and "
-             f"marked {mask[frame, node]}", expected="NaN exactly where the mask is 0",
-             fix="pass observed= to writer.append()")  # fmt: skip
+        fail(
+            f"node {node} of frame {frame} is {'NaN' if gaps[frame, node] else 'a number'} and "
+            f"marked {mask[frame, node]}",
+            expected="NaN exactly where the mask is 0",
+            fix="pass observed= to writer.append()",
+        )
     truth = case.truth() if case.truth else {}
     if "observed" not in truth:
         return
     wanted = np.asarray(truth["observed"])
     if wanted.shape != mask.shape:
-        fail(f"the mask has the shape {mask.shape}", expected=f"{wanted.shape}",
-             fix="one mark for each frame and node")  # fmt: skip
+        fail(
+            f"the mask has the shape {mask.shape}",
+            expected=f"{wanted.shape}",
+            fix="one mark for each frame and node",
+        )
     wrong = np.argwhere(wanted != mask)
     if len(wrong):
         frame, node = wrong[0]
-        fail(f"node {node} of frame {frame} is marked {mask[frame, node]}",
-             expected=f"{wanted[frame, node]}: 0 missing, 1 measured, 2 filled in",
-             fix="leave what was not measured NaN; do not write zeros")  # fmt: skip
+        fail(
+            f"node {node} of frame {frame} is marked {mask[frame, node]}",
+            expected=f"{wanted[frame, node]}: 0 missing, 1 measured, 2 filled in",
+            fix="leave what was not measured NaN; do not write zeros",
+        )
 
 
 @check("IMPORT-3", "every file that was read is hashed under its own name", "importer")
@@ -75,17 +83,22 @@ def sources_are_hashed(case: ImporterCase, folder: Path) -> None:
     expected = Source.of(path, role="source")
     row = rows.get(expected.name)
     if row is None or row["sha256"] != expected.sha256:
-        fail(f"the provenance lists {sorted(rows)}", expected=f"{expected.name} with its SHA-256",
-             fix="leave add_source() of the path itself to the host")  # fmt: skip
+        fail(
+            f"the provenance lists {sorted(rows)}",
+            expected=f"{expected.name} with its SHA-256",
+            fix="leave add_source() of the path itself to the host",
+        )
     read = {p.resolve() for p in watched.read if p.resolve().is_relative_to(home.resolve())}
     for file in sorted(read):
         if file.is_relative_to(path) or not file.is_file():
             continue
         known = {row["sha256"] for row in rows.values()}
         if hashlib.sha256(file.read_bytes()).hexdigest() not in known:
-            fail(f"{file.name} was read and is not in the provenance",
-                 expected="every file that the result depends on",
-                 fix="call writer.add_source(file) for it")  # fmt: skip
+            fail(
+                f"{file.name} was read and is not in the provenance",
+                expected="every file that the result depends on",
+                fix="call writer.add_source(file) for it",
+            )
 
 
 @check("IMPORT-4", "what is imported stays as it is", "importer")
@@ -98,8 +111,11 @@ def source_is_untouched(case: ImporterCase, folder: Path) -> None:
     told = changes(before, snapshot(home))
     told += [f"{name} was written to" for name, t in _times(home).items() if times.get(name) != t]
     if told:
-        fail(f"importing changes its source: {told[0]}", expected="reading only",
-             fix="open files for reading; put nothing beside them")  # fmt: skip
+        fail(
+            f"importing changes its source: {told[0]}",
+            expected="reading only",
+            fix="open files for reading; put nothing beside them",
+        )
 
 
 def _times(folder: Path) -> dict[str, int]:
@@ -122,9 +138,11 @@ def nothing_is_written_elsewhere(case: ImporterCase, folder: Path) -> None:
     told = left + [f"{path} was written" for path in astray]
     told += [f"{name} lies beside the result" for name in _beside(target)]
     if told:
-        fail(f"importing leaves something behind: {told[0]}",
-             expected="the result and nothing else",
-             fix="write through the writer; use and remove a temporary folder")  # fmt: skip
+        fail(
+            f"importing leaves something behind: {told[0]}",
+            expected="the result and nothing else",
+            fix="write through the writer; use and remove a temporary folder",
+        )
 
 
 def _beside(target: Path) -> list[str]:
@@ -139,7 +157,8 @@ def importing_is_silent(case: ImporterCase, folder: Path) -> None:
         import_sample(case, sample, folder / "out.h5")
     if watched.printed.strip() or watched.warned:
         text = watched.printed.strip() or watched.warned[0]
-        fail(f"importing says {text[:200]!r}", expected="silence",
-             fix="say what a reader of the data should know with writer.note()")  # fmt: skip
-
-
+        fail(
+            f"importing says {text[:200]!r}",
+            expected="silence",
+            fix="say what a reader of the data should know with writer.note()",
+        )

@@ -41,9 +41,11 @@ def entry_module_is_light(case: Case, folder: Path) -> None:
     roots = {name.partition(".")[0] for name in modules}
     found = [name for name in case.forbidden if name in roots or name in modules]
     if found:
-        fail(f"importing {case.module} imports {', '.join(found)}",
-             expected="an entry module that imports records and nothing heavy",
-             fix="import it in the module that `load` names, or within a function")  # fmt: skip
+        fail(
+            f"importing {case.module} imports {', '.join(found)}",
+            expected="an entry module that imports records and nothing heavy",
+            fix="import it in the module that `load` names, or within a function",
+        )
 
 
 @check("LIGHT-2", "importing the entry module takes less than 0.1 s of processor time", *KINDS,
@@ -59,8 +61,11 @@ def entry_module_is_quick(case: Case, folder: Path) -> None:
         best = min(best, _listed(case)[1])
         if best <= LIMIT:
             return
-    fail(f"importing {case.module} takes {best:.2g} s of processor time, at best of {_TRIALS}",
-         expected=f"at most {LIMIT:g} s", fix="compute nothing at import; load on use")  # fmt: skip
+    fail(
+        f"importing {case.module} takes {best:.2g} s of processor time, at best of {_TRIALS}",
+        expected=f"at most {LIMIT:g} s",
+        fix="compute nothing at import; load on use",
+    )
 
 
 @check("LIGHT-3", "without its back end the plugin is listed and using it says what to install",
@@ -86,15 +91,23 @@ def missing_back_end_is_told(case: Case, folder: Path) -> None:
                   "out": folder / "out.h5"}  # fmt: skip
     answer = answer_of(["-m", "openprc.testing.isolated"], given=order, folder=folder)
     if "error" in answer and not answer["missing"]:
-        fail(f"without {', '.join(absent)}: {answer['error']}: {answer['found']}",
-             expected="MissingDependency with the install line, or a result without them",
-             fix="name what each capability needs in ProducerSpec(needs={...})")  # fmt: skip
+        fail(
+            f"without {', '.join(absent)}: {answer['error']}: {answer['found']}",
+            expected="MissingDependency with the install line, or a result without them",
+            fix="name what each capability needs in ProducerSpec(needs={...})",
+        )
     if case.needs and "error" not in answer:
-        fail(f"it works without {', '.join(case.needs)}",
-             expected="needs that it cannot do without", fix="take them out of needs")  # fmt: skip
+        fail(
+            f"it works without {', '.join(case.needs)}",
+            expected="needs that it cannot do without",
+            fix="take them out of needs",
+        )
     if "error" in answer and not any(name in answer["found"] for name in absent):
-        fail(f"the error is {answer['found']!r}", expected=f"one that names {', '.join(absent)}",
-             fix="leave it to the host: it knows `needs` and `install`")  # fmt: skip
+        fail(
+            f"the error is {answer['found']!r}",
+            expected=f"one that names {', '.join(absent)}",
+            fix="leave it to the host: it knows `needs` and `install`",
+        )
 
 
 __all__ = ["LIMIT"]

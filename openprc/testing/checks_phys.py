@@ -84,8 +84,11 @@ def motion(case: RunnerCase, scene: Scene, out: Path) -> tuple[Array, Array]:
             np.einsum("n,tnx->tx", masses, x)[:, np.newaxis] / masses.sum() for x in (found, exact)
         )
     if found.shape != exact.shape:
-        fail(f"positions of shape {found.shape}", expected=f"{exact.shape}",
-             fix="record every node of the experiment in every frame")  # fmt: skip
+        fail(
+            f"positions of shape {found.shape}",
+            expected=f"{exact.shape}",
+            fix="record every node of the experiment in every frame",
+        )
     return found, exact
 
 
@@ -98,11 +101,13 @@ def _judge(case: RunnerCase, folder: Path, *, number: str) -> None:
     if worst > scene.tolerance:
         frame, node = np.unravel_index(int(np.nanargmax(off)), off.shape)
         at = frame * scene.experiment.save_interval
-        fail(f"{what}: node {node} is {off[frame, node]:.3g} m away from the closed form at "
-             f"t = {at:g} s, {worst:.3g} of the scale of the motion",
-             expected=f"at most {scene.tolerance:g} with dt = {scene.experiment.dt:g} s",
-             fix="compare forces, masses and the first steps with the closed form of the scene "
-             f"({_first_line(makes[0])})")  # fmt: skip
+        fail(
+            f"{what}: node {node} is {off[frame, node]:.3g} m away from the closed form at "
+            f"t = {at:g} s, {worst:.3g} of the scale of the motion",
+            expected=f"at most {scene.tolerance:g} with dt = {scene.experiment.dt:g} s",
+            fix="compare forces, masses and the first steps with the closed form of the scene "
+            f"({_first_line(makes[0])})",
+        )
 
 
 def _first_line(make: Make) -> str:
@@ -137,9 +142,12 @@ def order_of_convergence(case: RunnerCase, folder: Path) -> None:
     order = float(np.log(errors[0] / errors[-1]) / np.log(COARSER[0] / COARSER[-1]))
     if not order >= ORDER:
         shown = ", ".join(f"{error:.3g}" for error in errors)
-        fail(f"errors {shown} for steps {COARSER} times {scene.experiment.dt:g} s: order "
-             f"{order:.2g}", expected=f"at least {ORDER:g}, or an error below {PRECISE:g}",
-             fix="look for a force that is missing or left on, which no small step mends")  # fmt: skip
+        fail(
+            f"errors {shown} for steps {COARSER} times {scene.experiment.dt:g} s: order "
+            f"{order:.2g}",
+            expected=f"at least {ORDER:g}, or an error below {PRECISE:g}",
+            fix="look for a force that is missing or left on, which no small step mends",
+        )
 
 
 __all__ = ["COARSER", "modelled", "motion"]

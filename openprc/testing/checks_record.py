@@ -41,16 +41,25 @@ def script_records(case: RecorderCase, folder: Path) -> None:
         case.script(out)
     if not out.exists():
         left = sorted(path.name for path in folder.iterdir())
-        fail(f"the script left {left or 'nothing'}", expected="the file that it was asked for",
-             fix="close the recording at the end")  # fmt: skip
+        fail(
+            f"the script left {left or 'nothing'}",
+            expected="the file that it was asked for",
+            fix="close the recording at the end",
+        )
     report = validate_run(out, registry=case.plugins)
     worst = [finding for finding in report.findings if finding.level == "error"]
     if worst:
-        fail(f"{worst[0].code} at {worst[0].path}: {worst[0].found}",
-             expected=worst[0].expected, fix=worst[0].fix)  # fmt: skip
+        fail(
+            f"{worst[0].code} at {worst[0].path}: {worst[0].found}",
+            expected=worst[0].expected,
+            fix=worst[0].fix,
+        )
     if watched.warned:
-        fail(f"recording warns: {watched.warned[0][:200]}", expected="silence",
-             fix="say it with writer.note()")  # fmt: skip
+        fail(
+            f"recording warns: {watched.warned[0][:200]}",
+            expected="silence",
+            fix="say it with writer.note()",
+        )
 
 
 @check("RECORD-2", "the state at t = 0 is recorded, and time increases", "recorder")
@@ -60,12 +69,17 @@ def beginning_is_recorded(case: RecorderCase, folder: Path) -> None:
     with Trajectory(recorded(case)) as run:
         time = run.time
     if time[0] != 0.0:
-        fail(f"the first frame is at t = {time[0]:.9g}", expected="0: the state before any step",
-             fix="record once when attaching, before the loop")  # fmt: skip
+        fail(
+            f"the first frame is at t = {time[0]:.9g}",
+            expected="0: the state before any step",
+            fix="record once when attaching, before the loop",
+        )
     if len(time) < 2 or not (np.diff(time) > 0).all():
-        fail(f"{len(time)} frames, whose times do not all increase",
-             expected="at least two frames, each later than the one before",
-             fix="record once a step")  # fmt: skip
+        fail(
+            f"{len(time)} frames, whose times do not all increase",
+            expected="at least two frames, each later than the one before",
+            fix="record once a step",
+        )
 
 
 @check("RECORD-3", "a forgotten close leaves a complete file at the end of the process", "recorder",
@@ -77,23 +91,35 @@ def forgotten_close(case: RecorderCase, folder: Path) -> None:
     source = inspect.getsourcefile(case.forget)
     name = case.forget.__qualname__
     if source is None or "." in name or "<" in name:
-        fail(f"forget= is {name}", expected="a function of a module, which another process can find",
-             fix="define it at the top level of a file")  # fmt: skip
+        fail(
+            f"forget= is {name}",
+            expected="a function of a module, which another process can find",
+            fix="define it at the top level of a file",
+        )
     out = folder / "out.h5"
     done = run_python(["-c", _CALL, source, name, str(out)], folder=folder)
     if done.returncode != 0:
         lines = [line for line in done.stderr.splitlines() if line.strip()]
-        fail(f"the process ends with {done.returncode}: {lines[-1] if lines else ''}",
-             expected="a quiet end", fix="do the work of the end in __exit__")  # fmt: skip
+        fail(
+            f"the process ends with {done.returncode}: {lines[-1] if lines else ''}",
+            expected="a quiet end",
+            fix="do the work of the end in __exit__",
+        )
     if not out.exists():
         left = sorted(path.name for path in folder.iterdir())
-        fail(f"the process left {left or 'nothing'}", expected="the complete file",
-             fix="attach through openprc.hooks.record_run, which closes at exit")  # fmt: skip
+        fail(
+            f"the process left {left or 'nothing'}",
+            expected="the complete file",
+            fix="attach through openprc.hooks.record_run, which closes at exit",
+        )
     with Trajectory(out) as run, Trajectory(recorded(case)) as whole:
         frames, wanted, status = run.n_frames, whole.n_frames, run.status
     if frames != wanted or status != "complete":
-        fail(f"{frames} frames with status {status!r}", expected=f"{wanted} frames, complete",
-             fix="flush what is still held in memory in __exit__")  # fmt: skip
+        fail(
+            f"{frames} frames with status {status!r}",
+            expected=f"{wanted} frames, complete",
+            fix="flush what is still held in memory in __exit__",
+        )
 
 
 @check("RECORD-4", "an error in the loop passes, and leaves the frames before it", "recorder")
@@ -105,20 +131,31 @@ def crash_keeps_frames(case: RecorderCase, folder: Path) -> None:
     try:
         case.crash(out)
     except OpenPRCError as error:
-        fail(f"{type(error).__name__}: {error.found}", expected="the error of the script itself",
-             fix="let errors of the loop pass through __exit__")  # fmt: skip
+        fail(
+            f"{type(error).__name__}: {error.found}",
+            expected="the error of the script itself",
+            fix="let errors of the loop pass through __exit__",
+        )
     except Exception:  # noqa: BLE001, S110 - the script's own error, of any type
         pass
     else:
-        fail("the error of the loop did not get out", expected="the error of the script itself",
-             fix="return None from __exit__")  # fmt: skip
+        fail(
+            "the error of the loop did not get out",
+            expected="the error of the script itself",
+            fix="return None from __exit__",
+        )
     partial = partial_path(out)
     if out.exists() or not partial.exists():
         left = sorted(path.name for path in folder.iterdir())
-        fail(f"the crash left {left or 'nothing'}", expected=f"{partial.name}",
-             fix="leave the life of the file to the host")  # fmt: skip
+        fail(
+            f"the crash left {left or 'nothing'}",
+            expected=f"{partial.name}",
+            fix="leave the life of the file to the host",
+        )
     with Trajectory(partial, allow_incomplete=True) as run:
         if run.status != "failed" or run.n_frames < 1:
-            fail(f"{run.n_frames} frames with status {run.status!r}",
-                 expected="the frames before the error, with status 'failed'",
-                 fix="flush what is held in memory when __exit__ is given an error")  # fmt: skip
+            fail(
+                f"{run.n_frames} frames with status {run.status!r}",
+                expected="the frames before the error, with status 'failed'",
+                fix="flush what is held in memory when __exit__ is given an error",
+            )

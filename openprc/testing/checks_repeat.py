@@ -24,8 +24,11 @@ def twice_is_once(case: ImporterCase, folder: Path) -> None:
     first = imported(case)
     import_sample(case, copy_sample(case, folder / "sample"), folder / "again.h5")
     if _digest(first) != _digest(folder / "again.h5"):
-        fail("two imports of one sample have different contents", expected="the same content",
-             fix="leave dates, chance and the order of sets out of what is written")  # fmt: skip
+        fail(
+            "two imports of one sample have different contents",
+            expected="the same content",
+            fix="leave dates, chance and the order of sets out of what is written",
+        )
 
 
 @check("REPEAT-2", "another process, folder and hash seed give the same content", "importer",
@@ -51,9 +54,14 @@ def anywhere_is_here(case: ImporterCase, folder: Path) -> None:
         given=order, folder=folder, environment={"PYTHONHASHSEED": "4711"},
     )  # fmt: skip
     if "error" in answer:
-        fail(f"a fresh interpreter refuses the sample: {answer['found']}",
-             expected="the same result everywhere", fix="look for state that is left in modules")  # fmt: skip
+        fail(
+            f"a fresh interpreter refuses the sample: {answer['found']}",
+            expected="the same result everywhere",
+            fix="look for state that is left in modules",
+        )
     if answer["digest"] != _digest(first):
-        fail("the content depends on the process, the folder or the hash seed",
-             expected="the same content everywhere",
-             fix="sort sets and folders; store no paths")  # fmt: skip
+        fail(
+            "the content depends on the process, the folder or the hash seed",
+            expected="the same content everywhere",
+            fix="sort sets and folders; store no paths",
+        )

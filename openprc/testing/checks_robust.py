@@ -52,16 +52,25 @@ def attempt(
         )  # fmt: skip
     except OpenPRCError as error:
         if type(error) is PluginError:
-            fail(f"{what}: {error.found}", expected="an error that says what is wrong with the file",
-                 fix="raise UnreadableFile, SchemaError, ... with found, expected and fix")  # fmt: skip
+            fail(
+                f"{what}: {error.found}",
+                expected="an error that says what is wrong with the file",
+                fix="raise UnreadableFile, SchemaError, ... with found, expected and fix",
+            )
         if not (error.found and error.expected and error.fix):
-            fail(f"{what}: {type(error).__name__} says {error.found!r}, expected "
-                 f"{error.expected!r}, to do {error.fix!r}", expected="all three",
-                 fix="say what was found, what was expected, and what to do")  # fmt: skip
+            fail(
+                f"{what}: {type(error).__name__} says {error.found!r}, expected "
+                f"{error.expected!r}, to do {error.fix!r}",
+                expected="all three",
+                fix="say what was found, what was expected, and what to do",
+            )
         left = [path.name for path in (out, partial_path(out)) if path.exists()]
         if left:
-            fail(f"{what}: {', '.join(left)} was left behind", expected="nothing",
-                 fix="write through the writer that the host passes")  # fmt: skip
+            fail(
+                f"{what}: {', '.join(left)} was left behind",
+                expected="nothing",
+                fix="write through the writer that the host passes",
+            )
         return False
     out.unlink()
     return True
@@ -141,9 +150,11 @@ def pickle_bombs(case: ImporterCase, folder: Path) -> None:
                 attempt(case, hostile, folder / "out.h5", what=f"{what} as {name}", trust=trust)
                 if marker.exists():
                     marker.rmdir()
-                    fail(f"{what}, named {name}, was run{' when trusted' if trust else ''}",
-                         expected="UntrustedPickle or UnsafeFile",
-                         fix="read with openprc.schema.safety.load_pickle and load_npz")  # fmt: skip
+                    fail(
+                        f"{what}, named {name}, was run{' when trusted' if trust else ''}",
+                        expected="UntrustedPickle or UnsafeFile",
+                        fix="read with openprc.schema.safety.load_pickle and load_npz",
+                    )
         targets[0].write_bytes(original)
 
 
@@ -162,8 +173,11 @@ def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
         if redirected(file, elsewhere, virtual=virtual) and attempt(
             case, sample, folder / "out.h5", what=what
         ):
-            fail(f"data behind {what} in HDF5 were read from another file", expected="UnsafeFile",
-                 fix="open files of strangers with openprc.schema.safety.open_hdf5")  # fmt: skip
+            fail(
+                f"data behind {what} in HDF5 were read from another file",
+                expected="UnsafeFile",
+                fix="open files of strangers with openprc.schema.safety.open_hdf5",
+            )
     for content, what in (
         (traversing_archive(), "an archive with ../ in a name"),
         (entity_document(elsewhere), "XML with an external entity"),
@@ -172,8 +186,11 @@ def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
         with watching() as watched:
             attempt(case, sample, folder / "out.h5", what=what)
         if elsewhere in watched.read or (folder / "escaped.txt").exists():
-            fail(f"{what} was followed", expected="UnsafeFile",
-                 fix="unpack nothing; refuse documents with a DOCTYPE")  # fmt: skip
+            fail(
+                f"{what} was followed",
+                expected="UnsafeFile",
+                fix="unpack nothing; refuse documents with a DOCTYPE",
+            )
 
 
 @check("ROBUST-6", "a folder in the place of a file, or a file in that of a folder, is told",

@@ -1,4 +1,4 @@
-"""SCENE: what supports() lets pass takes effect, and what it refuses is not run."""
+"""RUN, on small scenes: what supports() lets pass takes effect, and what it refuses is not run."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from openprc.errors import OpenPRCError
+from openprc.hooks.running import silent
 from openprc.schema.experiment import Actuator, Collision, Experiment, Signal
 from openprc.schema.geometry import Bars, Bends, Geometry, Hinges
 from openprc.schema.provenance import Provenance
 from openprc.schema.trajectory import Trajectory
 from openprc.schema.writer import TrajectoryWriter
-from openprc.hooks.running import silent
 from openprc.testing.cases import RunnerCase
 from openprc.testing.check import check
 from openprc.testing.outcome import NotApplicable, fail
@@ -89,7 +89,7 @@ def probes(case: RunnerCase) -> dict[str, tuple[Experiment, Experiment]]:
     }  # fmt: skip
 
 
-@check("SCENE-1", "what supports() lets pass is run and takes effect", "runner")
+@check("RUN-7", "what supports() lets pass is run and takes effect", "runner")
 def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
     """Run small scenes with and without each thing; equal motions mean that it is ignored."""
     looked_at = 0
@@ -102,9 +102,11 @@ def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
             try:
                 out = run(case, experiment, folder / f"{number}-{name}.h5")
             except OpenPRCError as error:
-                fail(f"a scene with {what} passes supports(), and run() says: {error.found}",
-                     expected="a run, or an error of supports()",
-                     fix="return a Finding of level 'error' for it")  # fmt: skip
+                fail(
+                    f"a scene with {what} passes supports(), and run() says: {error.found}",
+                    expected="a run, or an error of supports()",
+                    fix="return a Finding of level 'error' for it",
+                )
             with Trajectory(out) as trajectory:
                 motions.append(trajectory.positions())
         looked_at += 1
@@ -112,15 +114,18 @@ def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
         same = np.array_equal(motions[0][..., :dims], motions[1][..., :dims])
         # Who says that it is left out, in a warning, may leave it out.
         if same and not found:
-            fail(f"{what} are accepted and change nothing" if what.endswith("s")
-                 else f"{what} is accepted and changes nothing",
-                 expected="a motion that depends on it, or a finding of supports()",
-                 fix="model it, or refuse it in supports()")  # fmt: skip
+            fail(
+                f"{what} are accepted and change nothing"
+                if what.endswith("s")
+                else f"{what} is accepted and changes nothing",
+                expected="a motion that depends on it, or a finding of supports()",
+                fix="model it, or refuse it in supports()",
+            )
     if not looked_at:
         raise NotApplicable("the runner models none of the kit's small scenes")
 
 
-@check("SCENE-2", "what supports() refuses is not run", "runner")
+@check("RUN-8", "what supports() refuses is not run", "runner")
 def what_is_refused_is_not_run(case: RunnerCase, folder: Path) -> None:
     """Call run() all the same, on every small scene that supports() refuses."""
     refused = {
@@ -131,9 +136,12 @@ def what_is_refused_is_not_run(case: RunnerCase, folder: Path) -> None:
     for number, (what, experiment) in enumerate(refused.items()):
         for item in findings_of(case, experiment):
             if item.level == "error" and not (item.found and item.expected and item.fix):
-                fail(f"the refusal of {what} says {item.found!r}, expected {item.expected!r}, "
-                     f"to do {item.fix!r}", expected="all three",
-                     fix="say what was found, what was expected, what to do")  # fmt: skip
+                fail(
+                    f"the refusal of {what} says {item.found!r}, expected {item.expected!r}, "
+                    f"to do {item.fix!r}",
+                    expected="all three",
+                    fix="say what was found, what was expected, what to do",
+                )
         options = options_of(case)
         given = {"options": options} if options else {}
         writer = TrajectoryWriter(folder / f"{number}.h5", provenance=Provenance(case.name))
@@ -144,9 +152,11 @@ def what_is_refused_is_not_run(case: RunnerCase, folder: Path) -> None:
                 )
         except OpenPRCError:
             continue
-        fail(f"a scene with {what} is refused by supports(), and run() ran it",
-             expected="UnsupportedScene", fix="call refuse_unsupported(self.supports(experiment), "
-             "producer=...) first")  # fmt: skip
+        fail(
+            f"a scene with {what} is refused by supports(), and run() ran it",
+            expected="UnsupportedScene",
+            fix="call refuse_unsupported(self.supports(experiment), producer=...) first",
+        )
 
 
 __all__ = ["probes"]

@@ -37,20 +37,28 @@ def _score(importer: Any, path: Path, what: str) -> float:
     try:
         answer = importer.sniff(path)
     except Exception as error:  # noqa: BLE001 - whatever it is, sniff() must not raise it
-        fail(f"sniff() raised {type(error).__name__} on {what}: {error}",
-             expected="0.0 for what it cannot read", fix="look before reading")  # fmt: skip
+        fail(
+            f"sniff() raised {type(error).__name__} on {what}: {error}",
+            expected="0.0 for what it cannot read",
+            fix="look before reading",
+        )
     if isinstance(answer, bool) or not isinstance(answer, Real) or not 0.0 <= float(answer) <= 1.0:
-        fail(f"sniff() returned {answer!r} on {what}", expected="a number from 0 to 1",
-             fix="1.0 verified by content, 0.7 structure, 0.3 name only, 0.0 no")  # fmt: skip
+        fail(
+            f"sniff() returned {answer!r} on {what}",
+            expected="a number from 0 to 1",
+            fix="1.0 verified by content, 0.7 structure, 0.3 name only, 0.0 no",
+        )
     return float(answer)
 
 
 def _refuse_claim(importer: Any, path: Path, what: str) -> None:
     score = _score(importer, path, what)
     if score >= THRESHOLD:
-        fail(f"sniff() is {score:g} sure of {what}, named {path.name!r}",
-             expected=f"less than {THRESHOLD:g}",
-             fix="look at more of the content than the name and the first bytes")  # fmt: skip
+        fail(
+            f"sniff() is {score:g} sure of {what}, named {path.name!r}",
+            expected=f"less than {THRESHOLD:g}",
+            fix="look at more of the content than the name and the first bytes",
+        )
 
 
 @check("SNIFF-1", "its own sample is claimed", "importer")
@@ -59,8 +67,11 @@ def own_sample_is_claimed(case: ImporterCase, folder: Path) -> None:
     sample = copy_sample(case, folder / "sample")
     score = _score(_importer(case), Path(sample.path), "its own sample")
     if score < THRESHOLD:
-        fail(f"sniff() is {score:g} sure of its own sample", expected=f"at least {THRESHOLD:g}",
-             fix="recognise the format by its content")  # fmt: skip
+        fail(
+            f"sniff() is {score:g} sure of its own sample",
+            expected=f"at least {THRESHOLD:g}",
+            fix="recognise the format by its content",
+        )
 
 
 def _decoys(case: ImporterCase, folder: Path) -> list[tuple[Path, str]]:
@@ -134,12 +145,18 @@ def sniffing_leaves_no_trace(case: ImporterCase, folder: Path) -> None:
     after = {k: v for k, v in snapshot(folder).items() if not k.startswith("else")}
     told = left or changes(before, after) or watched.written
     if told:
-        fail(f"sniffing changes the disk: {told[0]}", expected="reading only",
-             fix="do not unpack, cache or convert in sniff()")  # fmt: skip
+        fail(
+            f"sniffing changes the disk: {told[0]}",
+            expected="reading only",
+            fix="do not unpack, cache or convert in sniff()",
+        )
     if watched.printed.strip() or watched.warned:
         text = watched.printed.strip() or watched.warned[0]
-        fail(f"sniffing says {text[:200]!r}", expected="silence",
-             fix="return the score and nothing else")  # fmt: skip
+        fail(
+            f"sniffing says {text[:200]!r}",
+            expected="silence",
+            fix="return the score and nothing else",
+        )
 
 
 @check("SNIFF-5", "a sniff takes at most a second of processor time", "importer")
@@ -161,8 +178,11 @@ def sniffing_is_quick(case: ImporterCase, folder: Path) -> None:
             if best <= LIMIT:
                 break
         else:
-            fail(f"sniff() took {best:.2g} s on {what}", expected=f"at most {LIMIT:g} s",
-                 fix="read the beginning of the file only")  # fmt: skip
+            fail(
+                f"sniff() took {best:.2g} s on {what}",
+                expected=f"at most {LIMIT:g} s",
+                fix="read the beginning of the file only",
+            )
 
 
 __all__ = ["LIMIT"]

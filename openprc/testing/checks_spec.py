@@ -43,13 +43,18 @@ def entry_module_offers_the_record(case: Case, folder: Path) -> None:
         return  # what the package itself brings has no entry point
     plugin = load_plugin(ModuleEntry(case.module, case.item.distribution, case.item.version))
     if plugin.state != "ok":
-        fail(f"{case.module} is {plugin.state}: {plugin.problem}",
-             expected="an entry module that the host takes", fix=plugin.fix)  # fmt: skip
+        fail(
+            f"{case.module} is {plugin.state}: {plugin.problem}",
+            expected="an entry module that the host takes",
+            fix=plugin.fix,
+        )
     if case.record not in plugin.records.get(case.hook, ()):
         names = [spec.name for spec in plugin.records.get(case.hook, ())]
-        fail(f"{case.module} offers {names or 'nothing'} to {case.hook}",
-             expected=f"the record {case.name!r}, as it is checked here",
-             fix=f"return it from {case.hook}(), or name the module with entry_module=")  # fmt: skip
+        fail(
+            f"{case.module} offers {names or 'nothing'} to {case.hook}",
+            expected=f"the record {case.name!r}, as it is checked here",
+            fix=f"return it from {case.hook}(), or name the module with entry_module=",
+        )
 
 
 def _options(case: Case) -> tuple[OptionSpec, ...]:
@@ -64,20 +69,27 @@ def options_are_explained(case: Case, folder: Path) -> None:
     for option in _options(case):
         key = f"option {option.name}"
         if len(option.help.split()) < 2:
-            fail(f"the {key} has the help {option.help!r}",
-                 expected="a sentence on what it does, with its unit",
-                 fix="say it in OptionSpec(help=...)")  # fmt: skip
+            fail(
+                f"the {key} has the help {option.help!r}",
+                expected="a sentence on what it does, with its unit",
+                fix="say it in OptionSpec(help=...)",
+            )
         if option.name in ("trust", "final"):
-            fail(f"an {key} is declared", expected="a name that the host does not pass itself",
-                 fix="choose another name")  # fmt: skip
+            fail(
+                f"an {key} is declared",
+                expected="a name that the host does not pass itself",
+                fix="choose another name",
+            )
         if option.default is None:
             continue
         taken = check_options(case.record, (option,), {option.name: option.default})
         default = tuple(option.default) if option.multiple else option.default
         if taken[option.name] != default or type(taken[option.name]) is not type(default):
-            fail(f"the default of the {key} is {option.default!r}",
-                 expected=f"a value of kind {option.kind}",
-                 fix="give it the kind that it stands for")  # fmt: skip
+            fail(
+                f"the default of the {key} is {option.default!r}",
+                expected=f"a value of kind {option.kind}",
+                fix="give it the kind that it stands for",
+            )
 
 
 @check("SPEC-3", "the sample is written into the folder given, twice the same", "importer")
@@ -88,16 +100,25 @@ def sample_is_written(case: ImporterCase, folder: Path) -> None:
         sample = write_sample(case, folder / name)
         path = Path(sample.path)
         if not path.exists() or not path.resolve().is_relative_to((folder / name).resolve()):
-            fail(f"the sample is at {path}", expected="a path below the folder that was given",
-                 fix="write below `folder` and return that path")  # fmt: skip
+            fail(
+                f"the sample is at {path}",
+                expected="a path below the folder that was given",
+                fix="write below `folder` and return that path",
+            )
         unknown = set(sample.options) - {option.name for option in case.record.options}
         if unknown:
-            fail(f"the sample asks for the options {sorted(unknown)}",
-                 expected="options of the record", fix="correct Sample(options=...)")  # fmt: skip
+            fail(
+                f"the sample asks for the options {sorted(unknown)}",
+                expected="options of the record",
+                fix="correct Sample(options=...)",
+            )
         contents.append(sorted(snapshot(folder / name)))
     if contents[0] != contents[1]:
-        fail("two samples have different files", expected="the same files every time",
-             fix="leave chance and dates out of the names")  # fmt: skip
+        fail(
+            "two samples have different files",
+            expected="the same files every time",
+            fix="leave chance and dates out of the names",
+        )
 
 
 @check("SPEC-4", "who needs a package says how to get it, and a citation can be found", *KINDS)
@@ -106,11 +127,17 @@ def install_and_citation(case: Case, folder: Path) -> None:
     del folder
     record = case.record
     if case.needs and not record.install.strip():
-        fail(f"{case.name} needs {', '.join(case.needs)}, and install is empty",
-             expected="the command that installs it", fix="set install= in the record")  # fmt: skip
+        fail(
+            f"{case.name} needs {', '.join(case.needs)}, and install is empty",
+            expected="the command that installs it",
+            fix="set install= in the record",
+        )
     if record.citation and not _FINDABLE.search(record.citation):
-        fail(f"the citation is {record.citation!r}",
-             expected="a DOI, an address, or at least a year", fix="add one")  # fmt: skip
+        fail(
+            f"the citation is {record.citation!r}",
+            expected="a DOI, an address, or at least a year",
+            fix="add one",
+        )
 
 
 def _parameters(function: Any) -> dict[str, inspect.Parameter]:
@@ -130,8 +157,11 @@ def code_keeps_the_protocol(case: Case, folder: Path) -> None:
     for name, wanted in _METHODS[case.kind].items():
         method = getattr(made, name, None)
         if not callable(method):
-            fail(f"{case.record.load} has no method {name}()", expected=f"{name}{wanted}",
-                 fix="see openprc.hooks.protocols")  # fmt: skip
+            fail(
+                f"{case.record.load} has no method {name}()",
+                expected=f"{name}{wanted}",
+                fix="see openprc.hooks.protocols",
+            )
         if case.kind == "runner" and name == "run" and case.record.run_options:
             wanted = (*wanted, "options")
         parameters = _parameters(method)
@@ -150,6 +180,8 @@ def code_keeps_the_protocol(case: Case, folder: Path) -> None:
         short = len(free) < count and inspect.Parameter.VAR_POSITIONAL not in kinds
         needed = [word for word in free[count:] if parameters[word].default is inspect._empty]
         if absent or short or needed:
-            fail(f"{name}{inspect.signature(method)}",
-                 expected=f"{name}({', '.join(wanted)}), with {by_name} by keyword",
-                 fix="see openprc.hooks.protocols")  # fmt: skip
+            fail(
+                f"{name}{inspect.signature(method)}",
+                expected=f"{name}({', '.join(wanted)}), with {by_name} by keyword",
+                fix="see openprc.hooks.protocols",
+            )

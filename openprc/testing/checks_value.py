@@ -45,19 +45,25 @@ def _compare(name: str, found: Any, truth: Any, tolerance: float) -> None:
         two = two[:, np.newaxis]
     if one.shape != two.shape:
         why = explain(one, two, tolerance=tolerance)
-        fail(f"{name} have the shape {one.shape}{'; ' if why else ''}{why}",
-             expected=f"{two.shape}", fix="look at the order of axes and the number of frames")  # fmt: skip
+        fail(
+            f"{name} have the shape {one.shape}{'; ' if why else ''}{why}",
+            expected=f"{two.shape}",
+            fix="look at the order of axes and the number of frames",
+        )
     off = deviation(one, two)
     if off <= tolerance:
         return
     why = explain(one, two, tolerance=tolerance)
     at = np.unravel_index(int(np.nanargmax(np.abs(one - two))), one.shape)
     place = ", ".join(str(int(i)) for i in at)
-    fail(f"{name} deviate by {off:.3g} of their spread, most at [{place}]: {one[at]:.9g}"
-         f"{'; ' if why else ''}{why}",
-         expected=f"{two[at]:.9g}, within {tolerance:.3g}",
-         fix="correct what the reader makes of the file" if why else
-         "compare the file with the closed form, frame by frame")  # fmt: skip
+    fail(
+        f"{name} deviate by {off:.3g} of their spread, most at [{place}]: {one[at]:.9g}"
+        f"{'; ' if why else ''}{why}",
+        expected=f"{two[at]:.9g}, within {tolerance:.3g}",
+        fix="correct what the reader makes of the file"
+        if why
+        else "compare the file with the closed form, frame by frame",
+    )
 
 
 @check("VALUE-1", "positions and velocities equal the closed form", "importer", "recorder")
@@ -83,16 +89,24 @@ def times_are_right(case: Subject, folder: Path) -> None:
         _compare("times", run.time, truth["time"], _tolerance(truth, "time"))
 
 
-def _each(what: str, wanted: Mapping[Any, Any], get: Callable[[Any], Any], tolerance: float) -> None:
+def _each(
+    what: str, wanted: Mapping[Any, Any], get: Callable[[Any], Any], tolerance: float
+) -> None:
     for name, values in wanted.items():
         try:
             found = get(name)
         except OpenPRCError as error:
-            fail(f"there is no {what} {name!r}: {error.found}", expected=error.expected,
-                 fix="declare and append it")  # fmt: skip
+            fail(
+                f"there is no {what} {name!r}: {error.found}",
+                expected=error.expected,
+                fix="declare and append it",
+            )
         if found is None:
-            fail(f"the {what} {name!r} holds no symbols", expected="the sequence and its hold",
-                 fix="pass sequence= and hold= to writer.declare_input()")  # fmt: skip
+            fail(
+                f"the {what} {name!r} holds no symbols",
+                expected="the sequence and its hold",
+                fix="pass sequence= and hold= to writer.declare_input()",
+            )
         _compare(f"values of the {what} {name!r}", found, values, tolerance)
 
 

@@ -160,13 +160,15 @@ def pendulum(dt: float, *, rigid: bool = False) -> Scene:
     places = np.array([0.0 * X, length * (np.sin(start) * X - np.cos(start) * Z)])
 
     def moving(t: Array) -> Array:
-        from scipy.special import ellipj  # noqa: PLC0415 - only here, and slow to import
+        from scipy.special import ellipj
 
         modulus = np.sin(start / 2.0)
         _, cn, dn, _ = ellipj(np.sqrt(GRAVITY / length) * t, modulus**2)
         half = modulus * cn / dn
         theta = 2.0 * np.arcsin(half)
-        swung: Array = length * (np.sin(theta)[:, np.newaxis] * X - np.cos(theta)[:, np.newaxis] * Z)
+        swung: Array = length * (
+            np.sin(theta)[:, np.newaxis] * X - np.cos(theta)[:, np.newaxis] * Z
+        )
         return swung
 
     experiment = Experiment(

@@ -17,7 +17,7 @@ from openprc.hooks.protocols import Sample
 from openprc.hooks.registry import Registered, Registry, missing_packages, resolve
 from openprc.schema.provenance import Provenance
 from openprc.schema.writer import TrajectoryWriter
-from openprc.testing.workbench import kit_folder, as_sample
+from openprc.testing.workbench import as_sample, kit_folder
 
 #: Bytes that are left of a truncated file: enough for a signature, not for a run.
 HEAD = 12

@@ -81,7 +81,8 @@ def mistakes(words, known_options, known_producers):
     for word, following in pairwise([*words[1:], ""]):
         if word.startswith("-") and word.partition("=")[0] not in flags:
             found.append(f"{words[0]} has no option {word!r}")
-        if word in ("-o", "--option") and following.partition("=")[0] not in known_options:
+        option = following.partition("=")[0]
+        if word in ("-o", "--option") and option not in known_options and not option.isupper():
             found.append(f"nobody has the option {following!r}")
         if word in ("--as", "--producer") and following.rpartition("/")[2] not in known_producers:
             if following.isupper():

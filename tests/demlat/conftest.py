@@ -25,6 +25,8 @@ class Run:
     moment: np.ndarray
     energy: np.ndarray
     ledger: np.ndarray
+    bend_angle: np.ndarray
+    bend_moment: np.ndarray
 
     @property
     def kinetic(self):

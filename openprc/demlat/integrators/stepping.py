@@ -72,11 +72,22 @@ def total(energy: Any, row: int) -> float:
     return result
 
 
+def energy_of_bends(body: Any, energy: Any) -> float:
+    """Return what `observe` found for bends; 0 where the scene has none, and no row for them."""
+
+
+@chosen_by_type(energy_of_bends)
+def _energy_of_bends(body, energy):
+    if len(dict(zip(body.fields, body.types, strict=True))["bends"]) == 0:
+        return lambda body, energy: 0.0
+    return lambda body, energy: total(energy, BEND_ENERGY)
+
+
 @jit
 def potential(body: Any, x: Any, v: Any, energy: Any) -> float:
     """Return the potential energy."""
     observe(body, x, v, energy)
-    return total(energy, 1) + total(energy, 2) + total(energy, 3) + total(energy, BEND_ENERGY)
+    return total(energy, 1) + total(energy, 2) + total(energy, 3) + energy_of_bends(body, energy)
 
 
 def cross_knot(body: Any, state: Any, energy: Any, t: float, t_to: float) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from openprc.demlat.meshing.miura import miura_sheet
     from openprc.demlat.meshing.obj_file import read_obj
     from openprc.demlat.meshing.slab import bistable_slab
-    from openprc.demlat.meshing.slender import chain, rod, tapered_spring
+    from openprc.demlat.meshing.slender import chain, rod, rod_constants, tapered_spring
     from openprc.demlat.meshing.surface import surface_mesh
     from openprc.demlat.meshing.svg_file import read_svg
     from openprc.demlat.meshing.towers import kresling, kresling_second_state, yoshimura
@@ -44,6 +44,7 @@ _LAZY = {
     "read_obj": "obj_file",
     "read_svg": "svg_file",
     "rod": "slender",
+    "rod_constants": "slender",
     "square_lattice": "lattices",
     "surface_mesh": "surface",
     "tapered_spring": "slender",
@@ -67,6 +68,7 @@ __all__ = [
     "read_obj",
     "read_svg",
     "rod",
+    "rod_constants",
     "square_lattice",
     "surface_mesh",
     "tapered_spring",

@@ -1,4 +1,4 @@
-"""`Mesh`: nodes, bars, hinges and faces of a body, before it has masses and stiffnesses."""
+"""`Mesh`: nodes, bars, hinges, bends and faces of a body, before it has masses and stiffnesses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from openprc.demlat.meshing.ordering import (
     bar_order,
+    bend_order,
     canonical_bars,
+    canonical_bends,
     canonical_hinges,
     hinge_order,
 )
@@ -50,6 +52,8 @@ class Mesh:
         1 for a valley, -1 for a mountain, 0 where the pattern does not say.
     rest_lengths : (M,) [m], default as in `positions`
     rest_angles : (K,) [rad], default as in `positions`
+    bends : (B, 3) [node]
+        ``[end, vertex, end]`` of bending springs; they rest at the angles of `positions`.
     faces : (F, 3) [node]
         Triangles, counter-clockwise seen from the side that they turn to.
     node_sets : mapping of str to (S,) [node]
@@ -69,15 +73,18 @@ class Mesh:
     senses: NDArray[np.int8] = _FILLED
     rest_lengths: NDArray[np.float64] = _FILLED
     rest_angles: NDArray[np.float64] = _FILLED
+    bends: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
     faces: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 3), "i4"))
     node_sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype="f8").reshape(-1, 3)
         bars, hinges = canonical_bars(self.bars), canonical_hinges(self.hinges)
+        bends = canonical_bends(self.bends)
         faces = np.array(self.faces, dtype="i4").reshape(-1, 3)
         sets = {name: np.unique(np.array(n, dtype="i4")) for name, n in self.node_sets.items()}
-        _check_nodes({"bars": bars, "hinges": hinges, "faces": faces, **sets}, len(positions))
+        tables = {"bars": bars, "hinges": hinges, "bends": bends, "faces": faces}
+        _check_nodes({**tables, **sets}, len(positions))
         along, around = bar_order(bars), hinge_order(hinges)
         senses = np.zeros(len(hinges)) if self.senses is None else self.senses
         lengths = (
@@ -91,6 +98,7 @@ class Mesh:
         self._put("positions", positions)
         self._put("bars", bars[along])
         self._put("hinges", hinges[around])
+        self._put("bends", bends[bend_order(bends)])
         self._put("faces", faces)
         for name, values, order, dtype in (
             ("bar_kinds", self.bar_kinds, along, "U16"),
@@ -197,11 +205,13 @@ class Mesh:
         damping: float | Mapping[str, float] | ArrayLike = 0.0,
         hinge_stiffness: float | Mapping[str, float] | ArrayLike | None = None,
         hinge_damping: float | Mapping[str, float] | ArrayLike = 0.0,
+        bend_stiffness: float | ArrayLike | None = None,
+        bend_damping: float | ArrayLike = 0.0,
         fixed: Iterable[int] = (),
         rigid: Iterable[str] = (),
         collidable: bool = False,
     ) -> NDArray[np.int32]:
-        """Add nodes, bars, hinges and faces to `setup`, and return the node numbers there.
+        """Add nodes, bars, hinges, bends and faces to `setup`, and return the node numbers there.
 
         Stiffnesses and dampings are one number, a mapping from kind to number, or one number
         for each element.
@@ -217,6 +227,9 @@ class Mesh:
         hinge_stiffness : [N*m/rad]
             Needed when the mesh has hinges.
         hinge_damping : [N*m*s/rad]
+        bend_stiffness : float or (B,) [N*m/rad]
+            Needed when the mesh has bends.
+        bend_damping : float or (B,) [N*m*s/rad]
         fixed : nodes of this mesh that never move
         rigid : kinds of bars whose length is a constraint
         collidable : bool
@@ -241,8 +254,18 @@ class Mesh:
                 fix="give hinge_stiffness=",
                 key="hinge_stiffness",
             )
-        bend = self.hinge_values(0.0 if hinge_stiffness is None else hinge_stiffness)
-        bend_damping = self.hinge_values(hinge_damping)
+        fold = self.hinge_values(0.0 if hinge_stiffness is None else hinge_stiffness)
+        fold_damping = self.hinge_values(hinge_damping)
+        if bend_stiffness is None and len(self.bends):
+            raise ConfigError(
+                f"{len(self.bends)} bends without stiffness",
+                expected="a number, or one for each",
+                fix="give bend_stiffness=",
+                key="bend_stiffness",
+            )
+        springs = np.array([""] * len(self.bends))
+        turn = _expand(0.0 if bend_stiffness is None else bend_stiffness, springs, "bends")
+        turn_damping = _expand(bend_damping, springs, "bends")
         held = np.zeros(self.n_nodes, dtype=bool)
         held[_node_list(fixed, self.n_nodes)] = True
         stiff = _names(rigid, self.bar_kinds)
@@ -263,9 +286,13 @@ class Mesh:
         for m, nodes in enumerate(self.hinges.tolist()):
             setup.add_hinge(
                 [first + node for node in nodes],
-                stiffness=bend[m],
-                damping=bend_damping[m],
+                stiffness=fold[m],
+                damping=fold_damping[m],
                 rest_angle=self.rest_angles[m],
+            )
+        for m, nodes in enumerate(self.bends.tolist()):
+            setup.add_bend(
+                [first + node for node in nodes], stiffness=turn[m], damping=turn_damping[m]
             )
         for face in self.faces.tolist():
             setup.add_face([first + node for node in face])

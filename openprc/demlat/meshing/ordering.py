@@ -43,6 +43,19 @@ def canonical_hinges(hinges: Any) -> NDArray[np.int32]:
     return rows
 
 
+def canonical_bends(bends: Any) -> NDArray[np.int32]:
+    """Return `bends` (B, 3), ``[end, vertex, end]``, with the lower end first."""
+    rows = np.array(bends, dtype=np.int32).reshape(-1, 3)
+    rows[:, [0, 2]] = np.sort(rows[:, [0, 2]], axis=1)
+    return rows
+
+
+def bend_order(bends: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the order of `bends` (B, 3), whose first end has the lower number: (B,)."""
+    i, j, k = bends.T
+    return np.lexsort((j, k - j, i - j))
+
+
 def unit_stride_runs(elements: NDArray[np.int32]) -> NDArray[np.int64]:
     """Return the lengths of the runs in which every node number advances by one: (R,)."""
     if len(elements) == 0:

@@ -1,4 +1,4 @@
-"""Chain, rod and tapered spring."""
+"""Chain, rod and tapered spring, and what a chain that stands for a rod is made of."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.demlat.meshing.mesh import Mesh
-from openprc.demlat.meshing.parameters import check_size, count
+from openprc.demlat.meshing.parameters import between, check_size, count
 from openprc.demlat.meshing.parameters import length as positive
 from openprc.errors import ConfigError
 
@@ -22,13 +22,16 @@ if TYPE_CHECKING:
 MOST_SIDES = 8
 
 
-def chain(links: int, *, link_length: float) -> Mesh:
-    """Return a straight chain of bars along x; it has no stiffness against bending.
+def chain(links: int, *, link_length: float, bends: bool = False) -> Mesh:
+    """Return a straight chain of bars along x.
 
     Parameters
     ----------
     links : int
     link_length : float [m]
+    bends : bool
+        Whether there is a bending spring at every inner node; without them a chain has no
+        stiffness against bending.
 
     Examples
     --------
@@ -44,8 +47,61 @@ def chain(links: int, *, link_length: float) -> Mesh:
         positions=positions,
         bars=np.stack([first, first + 1], axis=1),
         bar_kinds=np.full(n, "link"),
+        bends=first[1:, np.newaxis] + [-1, 0, 1] if bends else np.zeros((0, 3), "i4"),
         node_sets={"left": first[:1], "right": first[-1:] + 1},
     )
+
+
+def rod_constants(
+    mesh: Mesh, *, radius: float, young_modulus: float, density: float
+) -> dict[str, Reals]:
+    """Return what makes a chain with bends the bar form of a round elastic rod.
+
+    Segments of length l have ``k = E A / l`` and half of their mass ``rho A l`` at either end;
+    a bend between segments of mean length l has ``k = E I / l``, with ``A = pi r^2`` and
+    ``I = pi r^4 / 4`` (Bergou et al. 2008, "Discrete elastic rods", doi:10.1145/1360612.1360662,
+    without twist). Fix the first two nodes to clamp an end: the tip of a cantilever then moves by
+    ``F L^3 / (3 E I) (1 - 3 / (2 n) + 1 / (2 n^2))`` under a small load, n being the number of
+    segments.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Such as ``chain(n, link_length=l, bends=True)``.
+    radius : float [m]
+    young_modulus : float [Pa]
+    density : float [kg/m3]
+
+    Returns
+    -------
+    dict
+        "mass" (N,) [kg], "stiffness" (M,) [N/m] and "bend_stiffness" (B,) [N*m/rad], arguments
+        of `Mesh.to_setup`.
+
+    Examples
+    --------
+    >>> from openprc.demlat import SimulationSetup
+    >>> from openprc.demlat.meshing import chain, rod_constants
+    >>> mesh = chain(10, link_length=0.1, bends=True)
+    >>> rod = rod_constants(mesh, radius=0.02, young_modulus=1e6, density=1000.0)
+    >>> setup = SimulationSetup("cantilever", overwrite=True)
+    >>> nodes = mesh.to_setup(setup, **rod, fixed=[0, 1])
+    >>> print(f"{rod['bend_stiffness'][0]:.6f} N*m/rad")
+    1.256637 N*m/rad
+    """
+    area = np.pi * positive(radius, "radius") ** 2
+    modulus = between(young_modulus, "young_modulus", low=0.0, high=math.inf, unit="Pa")
+    rho = between(density, "density", low=0.0, high=math.inf, unit="kg/m3")
+    lengths = mesh.bar_lengths
+    masses = np.zeros(mesh.n_nodes)
+    np.add.at(masses, mesh.bars, 0.5 * rho * area * lengths[:, np.newaxis])
+    ends, vertex = mesh.positions[mesh.bends[:, [0, 2]]], mesh.positions[mesh.bends[:, 1]]
+    arms = np.linalg.norm(ends - vertex[:, np.newaxis], axis=2)
+    return {
+        "mass": masses,
+        "stiffness": modulus * area / lengths,
+        "bend_stiffness": 0.25 * modulus * area * radius**2 / arms.mean(axis=1),
+    }
 
 
 def rod(segments: int, *, length: float, radius: float, sides: int = 3) -> Mesh:

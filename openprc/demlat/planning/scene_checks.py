@@ -240,19 +240,19 @@ def _bend_gradients(bends: Bends, x: Reals) -> Iterator[tuple[NDArray[np.int32],
     """Yield those of stiff bends; a straight one resists both sideways motions of its ends."""
     indices = bends.indices[(bends.stiffness > 0) & have_arms(x, bends.indices)]
     turns = bend_turns(x, indices)
-    arms = [x[indices[:, end]] - x[indices[:, 1]] for end in (0, 2)]
-    squares = [np.sum(arm * arm, axis=1)[:, np.newaxis] for arm in arms]
+    u, v = x[indices[:, 0]] - x[indices[:, 1]], x[indices[:, 2]] - x[indices[:, 1]]
+    uu, vv = np.sum(u * u, axis=1, keepdims=True), np.sum(v * v, axis=1, keepdims=True)
     # Any axis across the first arm will do where the arms lie on one line.
-    axis = np.cross(*arms)
+    axis = np.cross(u, v)
     sharp = np.sin(turns) > COLLINEAR
-    least = np.eye(3)[np.abs(arms[0]).argmin(axis=1)]
-    axis = np.where(sharp[:, np.newaxis], axis, np.cross(arms[0], least))
+    least = np.eye(3)[np.abs(u).argmin(axis=1)]
+    axis = np.where(sharp[:, np.newaxis], axis, np.cross(u, least))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     for chosen in (np.ones(len(indices), dtype=bool), ~sharp):
-        first, last = (np.cross(axis, arms[0]) / squares[0], np.cross(arms[1], axis) / squares[1])
+        first, last = np.cross(axis, u) / uu, np.cross(v, axis) / vv
         rows = np.stack([first, -first - last, last], axis=1)[chosen]
         yield indices[chosen], rows / np.sqrt(np.sum(rows**2, axis=(1, 2), keepdims=True))
-        axis = np.cross(arms[0], axis) / np.sqrt(squares[0])
+        axis = np.cross(u, axis) / np.sqrt(uu)
 
 
 def _rigid_motions(experiment: Experiment, free: NDArray[np.bool_]) -> int:

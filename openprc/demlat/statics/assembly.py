@@ -16,6 +16,7 @@ from openprc.demlat.statics.bending import (
     bend_stiffness,
     bend_turns,
 )
+from openprc.demlat.statics.degrees import element_dofs, scatter
 from openprc.demlat.statics.element_laws import BarLaws, HingeLaws
 from openprc.demlat.statics.element_shapes import (
     bar_directions,
@@ -225,11 +226,8 @@ class StaticProblem:
         bends = hinge_bends(positions, self.geometry.hinges.indices)
         applied = -np.sum(self.applied * positions, axis=1)
         turns = bend_turns(positions, self.geometry.bends.indices)
-        laws = self._bar_laws, self._hinge_laws, self._bend_laws
-        bar, hinge, bend = (
-            law.energy(q) for law, q in zip(laws, (lengths, bends, turns), strict=True)
-        )
-        return bar, hinge, bend, applied
+        bars, hinges = self._bar_laws.energy(lengths), self._hinge_laws.energy(bends)
+        return bars, hinges, self._bend_laws.energy(turns), applied
 
     def bar_forces(self, positions: Reals) -> Reals:
         """Return tensions of the springs: (M,) [N]; 0 for rigid bars."""
@@ -260,14 +258,14 @@ class StaticProblem:
         tensions = self._bar_laws.force(lengths)
         self._refuse_points(lengths, tensions)
         gradient = -self.applied
-        _scatter(gradient, bars, tensions[:, None, None] * bar_gradients(unit))
+        scatter(gradient, bars, tensions[:, None, None] * bar_gradients(unit))
         if len(hinges):
             moments = self._hinge_laws.force(hinge_bends(positions, hinges))
             pushes = moments[:, None, None] * hinge_gradients(positions, hinges)
-            _scatter(gradient, hinges, pushes)
+            scatter(gradient, hinges, pushes)
         if len(bends := self.geometry.bends.indices):
             moments = self._bend_laws.force(bend_turns(positions, bends))
-            _scatter(gradient, bends, moments[:, None, None] * bend_gradients(positions, bends))
+            scatter(gradient, bends, moments[:, None, None] * bend_gradients(positions, bends))
         return gradient
 
     def hessian(self, positions: Reals, multipliers: Reals | None = None) -> sparse.csr_array:
@@ -340,12 +338,12 @@ class StaticProblem:
         bars = self.geometry.bars.indices[self.rigid_bars]
         _, unit = bar_directions(positions, bars)
         values = [bar_gradients(unit).ravel()]
-        columns = [_dofs(bars).ravel()]
+        columns = [element_dofs(bars).ravel()]
         counts = np.full(self.n_constraints, 6)
         if len(self.rigid_hinges):
             gradients = hinge_gradients(positions, self._rigid_hinge_nodes)
             values.append((gradients * self._hinge_arms[:, None, None]).ravel())
-            columns.append(_dofs(self._rigid_hinge_nodes).ravel())
+            columns.append(element_dofs(self._rigid_hinge_nodes).ravel())
             counts[len(bars) :] = 12
         rows = np.repeat(np.arange(self.n_constraints), counts)
         shape = (self.n_constraints, self.geometry.n_nodes * 3)
@@ -369,7 +367,7 @@ class StaticProblem:
         keys = []
         for elements in (self.geometry.bars, self.geometry.hinges, self.geometry.bends):
             nodes = elements.indices
-            dofs = number[_dofs(nodes)]
+            dofs = number[element_dofs(nodes)]
             row, column = dofs[:, :, None], dofs[:, None, :]
             keys.append(np.where((row < 0) | (column < 0), -1, row * n + column).ravel())
         # The diagonal is always there, so that shifts keep the pattern.
@@ -396,14 +394,3 @@ class StaticProblem:
 
 def _signal_value(signal: Signal, time: float) -> Reals:
     return np.broadcast_to(sample_signal(signal, np.array([time]))[0], 3)
-
-
-def _dofs(nodes: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return degrees of freedom of the elements: (E, 3 * nodes)."""
-    dofs = 3 * nodes.astype(np.int64)[:, :, None] + np.arange(3)
-    return dofs.reshape(len(nodes), 3 * nodes.shape[1])
-
-
-def _scatter(total: Reals, nodes: NDArray[np.int32], values: Reals) -> None:
-    flat = np.bincount(_dofs(nodes).ravel(), weights=values.ravel(), minlength=total.size)
-    total += flat.reshape(total.shape)

@@ -39,6 +39,56 @@ _OPTIONS = (
     OptionSpec("c0", "modulus C0 of the bars, where the file does not tell it", kind="float"),
 )
 
+RUN_OPTIONS = (
+    OptionSpec(
+        "control",
+        "what is controlled: auto takes displacement where driven positions move, else arc-length",
+        default="auto",
+        choices=("auto", "arc-length", "displacement", "load"),
+    ),
+    OptionSpec(
+        "increments", "increments along the arc; by default one a frame of the run", kind="int"
+    ),
+    OptionSpec(
+        "initial-load-factor",
+        "load factor that the first increment aims at; by default that of the force signals at "
+        "the first frame after rest",
+        kind="float",
+    ),
+    OptionSpec(
+        "arc-length",
+        "length of the first increment [m], over all degrees of freedom, instead of its load",
+        kind="float",
+    ),
+    OptionSpec("max-load", "load factor, up or down, that ends the path", kind="float"),
+    OptionSpec(
+        "max-displacement", "displacement of a node [m] that ends the path", kind="float"
+    ),
+    OptionSpec(
+        "tolerance",
+        "length of a correction, in median bar lengths, below which an increment has converged",
+        kind="float",
+        default=1e-6,
+    ),
+    OptionSpec(
+        "max-iterations",
+        "iterations before a step is halved; by default 15 along an arc, 50 otherwise",
+        kind="int",
+    ),
+    OptionSpec(
+        "min-step",
+        "share of the first step below which the search is given up",
+        kind="float",
+        default=1e-6,
+    ),
+    OptionSpec(
+        "unstable",
+        "at unstable states: follow them, settle on the minimum downhill, or stop",
+        default="follow",
+        choices=("follow", "settle", "stop"),
+    ),
+)
+
 _FOLD_OPTIONS = (
     OptionSpec(
         "unit", "length unit, where the file does not say one", choices=("m", "cm", "mm", "um")
@@ -58,17 +108,21 @@ def openprc_producers() -> list[ProducerSpec]:
     return [
         ProducerSpec(
             name="merlin",
-            summary="MERLIN, MERLIN2 and Sim-FAST workspaces (.mat, .h5) and OBJ sequences",
+            summary="Quasi-static bars and hinges; MERLIN, MERLIN2 and Sim-FAST workspaces and OBJ",
             load="openprc_merlin.producer:Producer",
-            capabilities=("import",),
+            capabilities=("run", "import"),
             suffixes=(".mat", ".h5", ".hdf5", ".obj"),
             magic=(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n\x1a\n"),
-            needs={"import": ("scipy",)},
+            needs={"import": ("scipy",), "run": ("scipy",)},
             install="pip install scipy",
-            dims=(3,),
+            dims=(2, 3),
             time=("pseudo", "physical"),
-            elements=("nodes", "bars", "hinges", "faces"),
+            elements=(
+                *("nodes", "bars", "hinges", "faces", "gravity"),
+                *("position-actuators", "force-actuators"),
+            ),
             options=_OPTIONS,
+            run_options=RUN_OPTIONS,
             citation=(
                 "K. Liu, G. H. Paulino (2017), Proc. R. Soc. A 473:20170348, "
                 "doi:10.1098/rspa.2017.0348; K. Liu, G. H. Paulino (2018), Origami 7"

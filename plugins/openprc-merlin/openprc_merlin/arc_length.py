@@ -25,11 +25,13 @@ _GROWTH = 1.5
 _SOFT_START = 0.04
 
 
-def arc_length_path(balance: Balance, start: Floats, *, first_factor: float) -> Iterator[PathPoint]:
+def arc_length_path(
+    balance: Balance, start: Floats, *, first_factor: float, arc_length: float | None = None
+) -> Iterator[PathPoint]:
     """Follow the equilibria under a growing and shrinking load, without end.
 
     The modified generalised displacement control method (Leon, Lages, de Araujo & Paulino
-    2014, doi:10.1016/j.mechrescom.2013.12.001). With dp the displacement per unit of load and
+    2014, Mech. Res. Commun. 56:123). With dp the displacement per unit of load and
     dr that of the force out of balance, an increment begins with ``b sqrt(|dp_1|^2 / |dp|^2)``
     times the load, dp_1 being that of the first increment, in the direction in which dp goes on
     from the increment before; so all increments are about equally long, and the load turns at a
@@ -95,6 +97,7 @@ class _ArcLength:
         self.square = 0.0
         self.before: Floats | None = None
         self.tangent: SymmetricFactors = balance.factors(self.x)
+        self.given = arc_length is not None
         if arc_length is not None:
             size = float(np.linalg.norm(self.tangent.solve(balance.free_reference)))
             self.b = self.first = float(np.copysign(arc_length / size, first_factor))
@@ -133,7 +136,7 @@ class _ArcLength:
         begins on a short leash: its tangent tells the direction only.
         """
         longest = self.balance.longest
-        if self.tangent.n_zero and self.count == 0:
+        if self.tangent.n_zero and self.count == 0 and not self.given:
             longest *= _SOFT_START
         if abs(self.b) * size > longest:
             self.b = float(np.copysign(longest / size, self.b))
@@ -143,13 +146,13 @@ class _ArcLength:
     def _increment(self, forward: Floats, predicted: float) -> PathPoint:
         balance, allowed = self.balance, self.balance.settings.max_iterations
         x, factor = balance.moved(self.x, predicted * forward), self.factor + predicted
-        for iteration in range(2, allowed + 1):
+        iteration, size = 1, np.inf
+        while size >= balance.least:
+            iteration += 1
+            if iteration > allowed:
+                raise StepFailed(f"{allowed} iterations were not enough")
             tangent = balance.factors(x)
             x, factor, size = self._corrected(x, factor, forward, tangent)
-            if size < balance.least:
-                break
-        else:
-            raise StepFailed(f"{allowed} iterations were not enough")
         # What the tangent at hand still improves costs no factorisation.
         x, factor, _ = self._corrected(x, factor, forward, tangent)
         self.x, self.factor, self.tangent, self.before = x, factor, tangent, forward

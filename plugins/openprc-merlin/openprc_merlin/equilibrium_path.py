@@ -162,9 +162,7 @@ class Balance:
         )
 
 
-def newton(
-    balance: Balance, x: Floats, *, factor: float = 1.0
-) -> tuple[Floats, int, int | None]:
+def newton(balance: Balance, x: Floats, *, factor: float = 1.0) -> tuple[Floats, int, int | None]:
     """Return the equilibrium near `x` (N, 3) [m] under `factor` times the reference load.
 
     Returns

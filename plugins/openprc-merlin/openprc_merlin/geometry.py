@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+#: Numbers of one intermediate array: 1 MiB.
+_CACHED = 1 << 17
 
 
 def bar_lengths(positions: Floats, bars: Ints) -> Floats:
@@ -21,7 +25,13 @@ def bar_lengths(positions: Floats, bars: Ints) -> Floats:
     -------
     (B, M), in the unit of `positions`
     """
-    return np.linalg.norm(positions[:, bars[:, 1]] - positions[:, bars[:, 0]], axis=2)
+    lengths = np.empty((len(positions), len(bars)))
+    for rows in _pieces(positions, bars):
+        track = _tracks(positions[rows])
+        axis = track[bars[:, 1]]
+        axis -= track[bars[:, 0]]
+        lengths[rows] = np.sqrt(_dot(axis, axis)).T
+    return lengths
 
 
 def dihedral_angles(positions: Floats, hinges: Ints) -> Floats:
@@ -41,17 +51,56 @@ def dihedral_angles(positions: Floats, hinges: Ints) -> Floats:
     -------
     (B, H) [rad]
     """
-    r_ij, r_kj, _, m, n = _frame(positions, hinges)
-    crease = np.linalg.norm(r_kj, axis=2)
-    sine = crease * np.einsum("bhx,bhx->bh", n, r_ij)
-    cosine = np.einsum("bhx,bhx->bh", m, n)
-    angle = np.mod(np.arctan2(sine, cosine), 2 * np.pi)
-    # mod() of a tiny negative number rounds up to 2 pi itself.
-    angle[angle >= 2 * np.pi] = 0.0
-    floor = np.finfo(np.float64).eps * crease**2
-    degenerate = (np.linalg.norm(m, axis=2) <= floor) | (np.linalg.norm(n, axis=2) <= floor)
-    angle[degenerate] = np.nan
-    return angle
+    angles = np.empty((len(positions), len(hinges)))
+    for rows in _pieces(positions, hinges):
+        track = _tracks(positions[rows])
+        x_j, x_l = track[hinges[:, 0]], track[hinges[:, 3]]
+        r_ij, r_kj, r_kl = track[hinges[:, 2]], track[hinges[:, 1]], track[hinges[:, 1]]
+        r_ij -= x_j
+        r_kj -= x_j
+        r_kl -= x_l
+        m, n = _cross(r_ij, r_kj), _cross(r_kj, r_kl)
+        square = _dot(r_kj, r_kj)
+        sine = _dot(n, r_ij)
+        sine *= np.sqrt(square)
+        angle = np.arctan2(sine, _dot(m, n))
+        np.add(angle, 2 * np.pi, out=angle, where=angle < 0)
+        # A tiny negative number rounds up to 2 pi itself.
+        angle[angle >= 2 * np.pi] = 0.0
+        floor = (np.finfo(np.float64).eps * square) ** 2
+        angle[(_dot(m, m) <= floor) | (_dot(n, n) <= floor)] = np.nan
+        angles[rows] = angle.T
+    return angles
+
+
+def _pieces(positions: Floats, elements: Ints) -> Iterator[slice]:
+    """Yield frames so few that what is computed of them stays in the cache."""
+    widest = max(1, len(elements), positions.shape[1])
+    step = max(8, _CACHED // (3 * widest))
+    for begin in range(0, len(positions), step):
+        yield slice(begin, begin + step)
+
+
+def _tracks(positions: Floats) -> Floats:
+    """Return (N, 3, B): each coordinate of a node in one run, so that whole runs are gathered."""
+    return np.ascontiguousarray(positions.transpose(1, 2, 0))
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return (E, B) scalar products of (E, 3, B) vectors."""
+    total = a[:, 0] * b[:, 0]
+    for axis in (1, 2):
+        total += a[:, axis] * b[:, axis]
+    return total
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Return (E, 3, B) vector products of (E, 3, B) vectors."""
+    product = np.empty_like(a)
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[:, y], b[:, z], out=product[:, x])
+        product[:, x] -= a[:, z] * b[:, y]
+    return product
 
 
 def dihedral_gradients(positions: Floats, hinges: Ints) -> Floats:
@@ -103,8 +152,18 @@ class Unwrapper:
     def __call__(self, angles: Floats) -> Floats:
         """Return (B, H) angles [rad] without jumps of more than pi between frames."""
         last = angles[:1] if self._last is None else self._last
+        steps = np.diff(angles, axis=0, prepend=last)
+        if self._turns is None or not self._turns.any():
+            # Most runs never come near the cut: nothing has to be taken away then.
+            with np.errstate(invalid="ignore"):
+                still = not (np.abs(steps, out=steps) > np.pi).any()
+            if still:
+                self._last = angles[-1:].copy()
+                self._turns = np.zeros_like(self._last)
+                return angles
+            steps = np.diff(angles, axis=0, prepend=last)
         start = np.zeros_like(angles[:1]) if self._turns is None else self._turns
-        jumps = np.round(np.diff(angles, axis=0, prepend=last) / (2 * np.pi))
+        jumps = np.round(steps / (2 * np.pi))
         jumps[~np.isfinite(jumps)] = 0.0
         turns = start + np.cumsum(jumps, axis=0)
         self.crossings += int(np.count_nonzero(jumps))

@@ -200,7 +200,7 @@ def _numbers(value: Any) -> NDArray[np.float64] | NDArray[np.complex128] | None:
     if array.dtype.kind not in "fiubc":
         return None
     array = np.atleast_2d(array.T)
-    return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
+    return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
 
 
 def _range(value: Any) -> NDArray[np.float64] | None:

@@ -189,8 +189,10 @@ def finite_length(u: NDArray[np.float64], *, key: str, file: Path) -> tuple[int,
     SchemaError
         When nothing is finite, or finite increments follow after the first bad one.
     """
-    # A diverging solver passes through huge numbers on its way to NaN.
-    good: NDArray[np.bool_] = (np.abs(u) < PLAUSIBLE).all(axis=(1, 2))
+    # A diverging solver passes through huge numbers on its way to NaN. Extremes need no
+    # intermediate array of the size of the history, and pass NaN on.
+    low, high = u.min(axis=(1, 2), initial=0.0), u.max(axis=(1, 2), initial=0.0)
+    good: NDArray[np.bool_] = (low > -PLAUSIBLE) & (high < PLAUSIBLE)
     if not len(good):
         raise SchemaError(
             "the displacement history has no increment",
@@ -200,7 +202,7 @@ def finite_length(u: NDArray[np.float64], *, key: str, file: Path) -> tuple[int,
             key=key,
         )
     if good.all():
-        moved = np.flatnonzero(u.any(axis=(1, 2)))
+        moved = np.flatnonzero((low < 0) | (high > 0))
         n_zero = len(u) - 1 - int(moved[-1]) if len(moved) else 0
         if n_zero > 1:
             return len(u), [

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, OpenPRCError
 from openprc_merlin import (
@@ -174,8 +173,7 @@ def assemble(
     keep : bool
         Also keep MERLIN's own strains, angles and energies.
     """
-    positions = space.nodes + np.concatenate([space.start[None], space.displacements])
-    signals, notes = _signals(space, positions, units)
+    signals, notes = _signals(space, units)
     extras: dict[str, tuple[Any, str, str]] = {
         "solver": (np.int64(space.solver), "1", "1 MERLIN, 2 MERLIN2, 0 not told"),
     }
@@ -203,7 +201,7 @@ def assemble(
     if panel_centres:
         found.append(f"the last {panel_centres} nodes are panel centres of the N5B8 model")
     result = Run(
-        positions=positions,
+        positions=run.Displaced(space.nodes, space.start, space.displacements),
         increments=np.arange(space.n_increments + 1),
         units=units,
         rest=space.nodes,
@@ -270,9 +268,7 @@ def _hinge_static(
     return static, notes
 
 
-def _signals(
-    space: Workspace, positions: NDArray[np.float64], units: Units
-) -> tuple[tuple[Signal, ...], list[str]]:
+def _signals(space: Workspace, units: Units) -> tuple[tuple[Signal, ...], list[str]]:
     """Return what drove the run, and the reactions where displacements were imposed."""
     load = space.load
     names = [f"{dof // 3 + 1} {_AXES[dof % 3]}" for dof in load.dofs.tolist()]
@@ -297,7 +293,8 @@ def _signals(
             )
             notes.append(f"channel reaction is {load.name} as stored: minus the applied force")
         if names and (load.history is None or len(names) == width):
-            imposed = (positions - space.nodes).reshape(len(positions), -1)[:, load.dofs]
+            history = space.displacements.reshape(space.n_increments, -1)[:, load.dofs]
+            imposed = np.vstack([space.start.ravel()[load.dofs], history])
             signals.append(
                 Signal("displacement", tuple(names), imposed, "displacement", units.length, targets)
             )

@@ -315,7 +315,7 @@ def plain(value: Any) -> Any:
         return rows[0] if len(rows) == 1 else "\n".join(rows)
     if value.dtype.kind == "c":
         return value.astype(np.complex128)
-    return value.astype(np.float64) if value.dtype.kind in "fiub" else None
+    return value.astype(np.float64, copy=False) if value.dtype.kind in "fiub" else None
 
 
 def _handle_text(value: Any) -> str:

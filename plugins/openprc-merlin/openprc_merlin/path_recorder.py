@@ -8,6 +8,7 @@ import numpy as np
 
 from openprc.demlat.producer import FrameRecorder
 from openprc.demlat.signal_table import sample_signal
+from openprc.schema.bend_angle import bend_angles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class PathRecorder(FrameRecorder):
             elements["hinges", "angle"] = problem.bends(x) + np.pi
             elements["hinges", "torque"] = problem.hinge_moments(x)
         if self.stored.elements and len(geometry.bends):
-            elements["bends", "angle"] = bend_angles(x, geometry.bends.indices)
+            elements["bends", "angle"] = bend_angles(x[np.newaxis], geometry.bends.indices)[0]
             elements["bends", "torque"] = problem.bend_torques(x)
         channels = {}
         if not self.along and len(self.reaction_axes):

@@ -71,6 +71,37 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Displaced:
+    """Positions that are added up when they are asked for: a run may fill half of the memory.
+
+    Attributes
+    ----------
+    nodes : (N, 3) what displacements count from
+    start : (N, 3) displacement of frame 0
+    displacements : (T - 1, N, 3) of the frames after it
+    """
+
+    nodes: Floats
+    start: Floats
+    displacements: Floats
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Return (T, N, 3)."""
+        return (len(self.displacements) + 1, *self.nodes.shape)
+
+    def __getitem__(self, frames: slice) -> Floats:
+        """Return the positions of a block of frames."""
+        first, stop, _ = frames.indices(self.shape[0])
+        if first > 0:
+            return self.nodes + self.displacements[first - 1 : stop - 1]
+        positions = np.empty((stop, *self.nodes.shape))
+        np.add(self.nodes, self.start, out=positions[0])
+        np.add(self.nodes, self.displacements[: stop - 1], out=positions[1:])
+        return positions
+
+
+@dataclass(frozen=True)
 class Run:
     """Everything of a run that the file contract has a place for.
 
@@ -86,7 +117,7 @@ class Run:
     extras : arrays for the extension, with unit and comment
     """
 
-    positions: Floats
+    positions: Floats | Displaced
     increments: Ints
     units: Units
     rest: Floats | None = None

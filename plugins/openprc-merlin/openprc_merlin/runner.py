@@ -129,10 +129,10 @@ def _defaults() -> dict[str, Any]:
 def _ending(point: PathPoint, course: Course, start: Floats) -> str:
     """Say why the path ends here, if it does."""
     if abs(point.factor) >= course.max_load:
-        return f"the load factor is {point.factor:.6g}, and max-load {course.max_load:g}"
+        return f"the load factor is {point.factor:.6g}; max-load is {course.max_load:g}"
     moved = float(np.linalg.norm(point.positions - start, axis=1).max())
     if moved >= course.max_displacement:
-        return f"a node has moved {moved:.6g} m, and max-displacement is {course.max_displacement:g}"
+        return f"a node has moved {moved:.6g} m; max-displacement is {course.max_displacement:g}"
     if course.unstable == "stop" and point.n_negative:
         return f"the state is unstable ({point.n_negative} negative eigenvalues of the stiffness)"
     return ""

@@ -74,6 +74,8 @@ def _by_increment(value: Any, rows: int, workspace: Workspace) -> Floats | None:
 def compare(workspace: Workspace) -> list[str]:
     """Return notes where stored results and positions disagree; positions are trusted."""
     kept_strains, kept_angles = strains(workspace), angles(workspace)
+    if kept_strains is None and kept_angles is None:
+        return []
     worst_strain = 0.0
     mirrored = other = 0
     for begin in range(0, workspace.n_increments, _BLOCK):

@@ -83,7 +83,7 @@ def test_unwrapping_does_not_depend_on_the_blocks(block):
 def test_strip_of_triangles_is_turned_alike():
     faces = np.array([[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5]])
     turned = geometry.orient(faces)
-    edges = [tuple(edge) for row in turned.tolist() for edge in geometry._sides(row)]
+    edges = [tuple(edge) for row in turned.tolist() for edge in geometry.sides(row)]
     assert len(set(edges)) == len(edges)
     assert turned[0].tolist() == [0, 1, 2]
     assert geometry.triangles_to_hinges(turned)[:, :2].tolist() == [[1, 2], [2, 3], [3, 4]]

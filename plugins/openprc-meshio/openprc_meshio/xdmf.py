@@ -278,6 +278,8 @@ class _Part:
 class _Frame:
     """One step; each of its grids is a part, and all parts share their points."""
 
+    time = None
+
     def __init__(self, document: _Document, grids: list[Element]) -> None:
         self._document = document
         nested = [_grids(grid) for grid in grids if _kind(grid) == "collection"]

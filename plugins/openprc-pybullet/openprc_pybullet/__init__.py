@@ -58,6 +58,16 @@ OPTIONS = (
     OptionSpec("input_quantity", help="what the input is, e.g. torque", default=""),
 )
 
+RUN_OPTIONS = (
+    OptionSpec(
+        "start",
+        help="half-kick puts velocities half a step back at the start, which makes PyBullet's "
+        "steps those of leapfrog, of second order; plain leaves its semi-implicit Euler",
+        default="half-kick",
+        choices=("half-kick", "plain"),
+    ),
+)
+
 
 @hookimpl
 def openprc_producers() -> list[ProducerSpec]:
@@ -65,17 +75,22 @@ def openprc_producers() -> list[ProducerSpec]:
     return [
         ProducerSpec(
             name="pybullet",
-            summary="PyBullet: running scripts, state logs, and npz, pickle or CSV files of poses",
+            summary="PyBullet: experiments, running scripts, state logs, files with poses",
             load="openprc_pybullet.producer:Producer",
-            capabilities=("import", "record"),
-            needs={"record": ("pybullet",)},
+            capabilities=("import", "record", "run"),
+            needs={"record": ("pybullet",), "run": ("pybullet",)},
             suffixes=(".log", ".bin", ".npz", ".pkl", ".pickle", ".csv", ".txt", ".bullet"),
             magic=(b"stepCount,timeStamp,", b"t,r,p,y,q0,", b"BULLETd", b"BT3CMD"),
             install=INSTALL,
             dims=(2, 3),
             time=("physical", "pseudo"),
-            elements=("nodes", "bars", "faces", "rigid-bodies", "soft-bodies", "joints", "contact"),
+            elements=(
+                *("nodes", "bars", "hinges", "faces", "rigid-bodies", "soft-bodies", "joints"),
+                *("contact", "gravity", "damping"),
+                *("position-actuators", "force-actuators", "velocity-actuators"),
+            ),
             options=OPTIONS,
+            run_options=RUN_OPTIONS,
             trusts_pickle=True,
             citation="E. Coumans and Y. Bai, PyBullet, a Python module for physics simulation "
             "for games, robotics and machine learning, https://pybullet.org, 2016-2021",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -100,39 +100,49 @@ class RigidPart:
         self.nodes = _nodes_of(tree)
         self.channels = _channels_of(tree, self._moving)
         self.width = _BASE + self._per_link * len(self._links) + 3 * len(self._moving)
+        #: Appends base, links and joints to a row.
+        self.read = self._reader()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints ``q0, q1, ...``."""
         return tuple(self.tree.links[i].joint for i in self._moving)
 
-    def read(self, row: list[float]) -> None:
-        """Append base, links and joints; extending by whole tuples is the quickest way."""
+    def _reader(self) -> Callable[[list[float]], None]:
+        """Make what runs in every step, with every name at hand that it needs.
+
+        A row is extended by whole tuples, which is quicker than anything that looks at single
+        numbers. Without forward kinematics PyBullet returns the link poses of the step before.
+        """
         p, c, body = self._connection.bullet, self._connection.client, self.tree.body
-        pose = p.getBasePositionAndOrientation(body, c)
-        speed = p.getBaseVelocity(body, c)
-        row += pose[0]
-        row += pose[1]
-        row += speed[0]
-        row += speed[1]
-        if self._links:
-            # Without forward kinematics the poses of the step before come back.
-            states = p.getLinkStates(body, self._links, 1, 1, c)
-            if self._choice == "com":
-                for state in states:
-                    row += state[0]
-                    row += state[6]
-            else:
-                for state in states:
+        pose_of, speed_of = p.getBasePositionAndOrientation, p.getBaseVelocity
+        links_of, joints_of = p.getLinkStates, p.getJointStates
+        links, moving, frames = self._links, self._moving, self._choice == "frame"
+
+        def read(row: list[float]) -> None:
+            position, orientation = pose_of(body, c)
+            velocity, omega = speed_of(body, c)
+            row += position
+            row += orientation
+            row += velocity
+            row += omega
+            if frames and links:
+                for state in links_of(body, links, 1, 1, c):
                     row += state[0]
                     row += state[6]
                     row += state[4]
                     row += state[7]
-        if self._moving:
-            q, u, _, t = zip(*p.getJointStates(body, self._moving, c), strict=True)
-            row += q
-            row += u
-            row += t
+            elif links:
+                for state in links_of(body, links, 1, 1, c):
+                    row += state[0]
+                    row += state[6]
+            if moving:
+                q, u, _, t = zip(*joints_of(body, moving, c), strict=True)
+                row += q
+                row += u
+                row += t
+
+        return read
 
     def values(self, block: NDArray[np.float64]) -> Values:
         """Sort a block into nodes and channels."""

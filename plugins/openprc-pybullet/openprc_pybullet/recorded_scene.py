@@ -30,9 +30,10 @@ class Scene:
         self.labels = [label for part in parts for label in part.nodes.labels]
         self.n_nodes = len(self.labels)
         with_nodes = [part.nodes for part in parts if part.nodes.labels]
-        self._some_speeds = any(nodes.has_velocities for nodes in with_nodes)
-        self._all_speeds = all(nodes.has_velocities for nodes in with_nodes)
+        #: How many nodes, the first ones, have velocities.
+        self.n_speeds = sum(len(nodes.labels) for nodes in with_nodes if nodes.has_velocities)
         self._fixed = np.array([flag for part in parts for flag in part.nodes.fixed], dtype=bool)
+        self._held = np.flatnonzero(self._fixed)
         self._moved: set[int] = set()
 
     def values(self, block: NDArray[np.float64]) -> Values:
@@ -45,7 +46,7 @@ class Scene:
         ]
         channels = {name: table for item in found for name, table in item.channels.items()}
         speeds = None
-        if self._some_speeds:
+        if self.n_speeds:
             speeds = np.concatenate(
                 [
                     np.full_like(item.positions, np.nan)
@@ -63,9 +64,9 @@ class Scene:
             "positions": values.positions[:rows],
             "channels": {name: table[:rows] for name, table in values.channels.items()},
         }
-        if self._some_speeds:
+        if self.n_speeds:
             frames["velocities"] = None if values.velocities is None else values.velocities[:rows]
-            if not self._all_speeds:
+            if self.n_speeds < self.n_nodes:
                 # NaN velocities of soft bodies need a mask that says the positions are there.
                 frames["observed"] = np.ones((rows, self.n_nodes), dtype="u1")
         return frames
@@ -98,8 +99,8 @@ class Scene:
             self.n_nodes,
             3,
             unit="m",
-            velocities=self._some_speeds,
-            observed=self._some_speeds and not self._all_speeds,
+            velocities=self.n_speeds > 0,
+            observed=0 < self.n_speeds < self.n_nodes,
             mass=masses if len(masses) == self.n_nodes else None,
             fixed=self._fixed,
             labels=self.labels,
@@ -165,7 +166,8 @@ class Scene:
 
     def watch_fixed(self, positions: NDArray[np.float64]) -> list[str]:
         """Return labels of nodes, held by mass 0, that a script was found to move."""
-        moved = np.flatnonzero(self._fixed & (np.ptp(positions, axis=0) > 0).any(axis=1))
+        held = positions[:, self._held]
+        moved = self._held[(held.max(axis=0) > held.min(axis=0)).any(axis=1)]
         new = [int(i) for i in moved if int(i) not in self._moved]
         self._moved.update(new)
         return [self.labels[i] for i in new]

@@ -26,8 +26,8 @@ from openprc_pybullet.recorded_scene import Scene
 from openprc_pybullet.recorded_signals import Signals, SignalSpec
 
 #: Frames of a block, fewer where frames are large, and how many seconds it may wait to fill.
-BLOCK_FRAMES = 256
-BLOCK_BYTES = 8 << 20
+BLOCK_FRAMES = 1024
+BLOCK_BYTES = 4 << 20
 BLOCK_SECONDS = 2.0
 
 
@@ -305,7 +305,11 @@ class Session:
         first = self._scene.values(self._block[:1, 1:])
         reach = self._scene.reach(first.positions[0], self._connection)
         self._guard = Guard(
-            first.positions[0], reach=reach, labels=self._scene.labels, limit=self._limit
+            first.positions[0],
+            reach=reach,
+            labels=self._scene.labels,
+            n_speeds=self._scene.n_speeds,
+            limit=self._limit,
         )
         self._scene.declare(self._writer, first, clock=self._clock, every=self._every)
         self._running = True

@@ -167,9 +167,9 @@ def _remarks(experiment: Experiment, *, half_kick: bool) -> list[str]:
     )
     return [
         f"PyBullet {version('pybullet')} integrated {experiment.geometry.n_nodes} point masses in"
-        f" steps of {step:g} s; all forces (bars, hinges, weight, drag, actuators) are OpenPRC's,"
-        " applied at every step, and gravity, damping, sleeping and limits on velocity of PyBullet"
-        " were off",
+        f" steps of {step:g} s; all forces (bars, hinges, bends, weight, drag, actuators) are"
+        " OpenPRC's, applied at every step; gravity, damping, sleeping and limits on velocity of"
+        " PyBullet were off",
         start,
         *scene_remarks(experiment),
     ]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from openprc_pybullet import OPTIONS
+from openprc_pybullet.client import quiet
 from openprc_pybullet.importer import Importer
 from openprc_pybullet.runner import Runner
 
@@ -84,6 +85,40 @@ def pb_run(tmp_path):
         return result
 
     yield run
+    for trajectory in opened:
+        trajectory.close()
+
+
+@pytest.fixture
+def world():
+    """PyBullet and a function that starts servers without damping of their own; all are closed."""
+    bullet = pytest.importorskip("pybullet", reason="recording needs PyBullet")
+    clients = []
+
+    def start(*, gravity=-9.81, dt=1 / 240):
+        with quiet():
+            clients.append(bullet.connect(bullet.DIRECT))
+        bullet.setGravity(0, 0, gravity, physicsClientId=clients[-1])
+        bullet.setTimeStep(dt, physicsClientId=clients[-1])
+        return clients[-1]
+
+    yield bullet, start
+    for client in clients:
+        if bullet.getConnectionInfo(client)["isConnected"]:
+            with quiet():
+                bullet.disconnect(physicsClientId=client)
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Open what a recording left, finished or not; closed after the test."""
+    opened = []
+
+    def look(path=None, **options):
+        opened.append(Trajectory(path or tmp_path / "run.h5", **options))
+        return opened[-1]
+
+    yield look
     for trajectory in opened:
         trajectory.close()
 

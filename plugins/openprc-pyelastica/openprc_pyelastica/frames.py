@@ -61,7 +61,10 @@ class Frames:
         self._signals = signals
         self._every = every
         self._plane = plane
-        self._axes = [AXES.index(axis) for axis in plane or AXES]
+        kept = [AXES.index(axis) for axis in plane or AXES]
+        self._lost = sorted(set(range(3)) - set(kept))
+        # A slice looks at the same memory, a list of numbers would copy it.
+        self._axes = slice(kept[0], None, kept[1] - kept[0]) if plane != "xy" else slice(2)
         self._n_nodes = sum(body.n_nodes for body in bodies)
         rods = [body.bars + body.first for body in bodies]
         ends = np.array([joint.nodes for joint in joints], dtype=np.int64).reshape(-1, 2)
@@ -78,15 +81,20 @@ class Frames:
         self,
         tracks: Sequence[Track],
         rows: int,
+        *,
+        lengths: Mapping[str, NDArray[np.float64]],
         drives: Mapping[str, NDArray[np.float64]],
     ) -> None:
-        """Append the first `rows` frames of all tracks."""
+        """Append the first `rows` frames of all tracks, whose rods have these `lengths`."""
         if not self.written:
             self._declare(tracks)
         positions = self._joined(tracks, "position_collection", rows)
         elements: dict[tuple[str, str], NDArray[np.float64]] = {}
         if len(self._bars):
-            length = _lengths(positions, self._bars)
+            parts = [lengths[track.body.name][:rows] for track in tracks if track.body.is_rod]
+            if self._joints:
+                parts.append(_gaps(positions, self._bars[-len(self._joints) :]))
+            length = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
             elements["bars", "length"] = length
             if not self._joints:
                 elements["bars", "strain"] = length / self._rest - 1.0
@@ -121,7 +129,7 @@ class Frames:
         ConfigError
             When something moves, or lies, along the one that is not.
         """
-        for axis in set(range(3)) - set(self._axes):
+        for axis in self._lost:
             width = float(np.ptp(positions[..., axis]))
             if width > FLATNESS * float(np.ptp(positions, axis=(0, 1)).max()):
                 raise ConfigError(
@@ -137,9 +145,9 @@ class Frames:
         writer = self._writer
         writer.declare_nodes(
             self._n_nodes,
-            len(self._axes),
+            len(self._plane or AXES),
             unit="m",
-            axes=",".join(AXES[axis] for axis in self._axes),
+            axes=",".join(self._plane or AXES),
             velocities=True,
             mass=self._masses(),
             labels=[label for body in self._bodies for label in body.labels],
@@ -225,10 +233,10 @@ class Frames:
         return np.concatenate(parts)
 
 
-def _lengths(positions: NDArray[np.float64], bars: NDArray[np.int64]) -> NDArray[np.float64]:
+def _gaps(positions: NDArray[np.float64], bars: NDArray[np.int64]) -> NDArray[np.float64]:
     arms = positions[:, bars[:, 1]] - positions[:, bars[:, 0]]
-    lengths: NDArray[np.float64] = np.sqrt(np.einsum("tbx,tbx->tb", arms, arms))
-    return lengths
+    gaps: NDArray[np.float64] = np.sqrt(np.einsum("tbx,tbx->tb", arms, arms))
+    return gaps
 
 
 def _flat(block: NDArray[np.float64]) -> NDArray[np.float64]:

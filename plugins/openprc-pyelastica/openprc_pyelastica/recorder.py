@@ -274,15 +274,20 @@ class Session:
             watch = self._watches.get(signal.name)
             if first and watch is not None and watch.first is not None:
                 values[0] = watch.first
-        hit = self._guard.find(tracks, rows)
+        with np.errstate(over="ignore", invalid="ignore"):
+            lengths = {
+                track.body.name: track.lengths(rows) for track in tracks if track.body.is_rod
+            }
+        hit = self._guard.find(tracks, rows, lengths=lengths)
         sound = rows if hit is None else hit.row
         if sound:
             drives = {signal.name: values[:sound] for signal, values in self._drives}
-            self._frames.append(tracks, sound, drives)
+            self._frames.append(tracks, sound, lengths=lengths, drives=drives)
         for track in tracks:
             track.drop(rows)
         for _, values in self._drives:
-            values[: values.shape[0] - rows] = values[rows:].copy()
+            left = len(values) - rows
+            values[:left] = values[rows:].copy()
         if hit is not None:
             self._ended = True
             if guard:

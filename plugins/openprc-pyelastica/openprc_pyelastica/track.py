@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from openprc.errors import ConfigError
 from openprc_pyelastica.recorded_systems import Body
 
-#: Frames are handed on in blocks of about this size, and of so many frames.
-BLOCK_BYTES, LEAST_ROWS, MOST_ROWS = 2 << 20, 16, 512
+#: Frames are handed on in blocks of about this size (that at which the writer writes what it has,
+#: so that it need not gather several), and of so many frames.
+BLOCK_BYTES, LEAST_ROWS, MOST_ROWS = 4 << 20, 16, 8192
 
 
 class Track:
@@ -72,6 +73,17 @@ class Track:
             block[row] = getattr(system, name)
         self.row = row + 1
         return True
+
+    def lengths(self, rows: int) -> NDArray[np.float64]:
+        """Return the lengths of the elements in the first `rows` frames: (rows, E) [m]."""
+        positions = self._positions[:rows]
+        arms = np.diff(positions, axis=2)
+        if len(self.body.bars) > arms.shape[2]:  # a ring
+            arms = np.concatenate([arms, positions[:, :, :1] - positions[:, :, -1:]], axis=2)
+        arms *= arms
+        squares: NDArray[np.float64] = arms[:, 0] + arms[:, 1]
+        squares += arms[:, 2]
+        return np.sqrt(squares, out=squares)
 
     def drop(self, rows: int) -> None:
         """Forget the first `rows` frames; what follows them moves to the front."""

@@ -19,10 +19,11 @@ Reals = NDArray[np.float64]
 Places = NDArray[np.int32]
 Lanes = tuple[float, ...]
 
-#: Rows of the power and energy ledgers: what actuators put in, and what each loss takes. The
-#: last one is there where a scene has bends.
-LEDGER = ("work_in", "drag", "bars", "hinges", "contact", "bends")
-WORK_IN, DRAG, BARS, HINGES, CONTACT, BENDS = range(6)
+#: Rows of the power and energy ledgers: what actuators put in, and what each loss takes.
+LEDGER = ("work_in", "drag", "bars", "hinges", "contact")
+WORK_IN, DRAG, BARS, HINGES, CONTACT = range(5)
+#: One more row, in scenes that have bends.
+BENDS = len(LEDGER)
 #: Rows of energies: kinetic, of bars, of hinges, of weight, of bends.
 ENERGY_ROWS = 5
 BEND_ENERGY = 4
@@ -32,7 +33,7 @@ LEDGER_STRIDE = 16
 
 def ledger_size(*, with_bends: bool) -> int:
     """Return how many numbers a ledger has."""
-    return (len(LEDGER) if with_bends else BENDS) * LEDGER_STRIDE
+    return (len(LEDGER) + with_bends) * LEDGER_STRIDE
 
 
 class LinearBars(NamedTuple):
@@ -299,7 +300,7 @@ class State(NamedTuple):
     ----------
     x, v : (dims * stride,) [m], [m/s]
     ledger : (5 or 6 * LEDGER_STRIDE,) [J], or None
-        Rows as in `LEDGER`; the columns add up.
+        Rows as in `LEDGER`, then that of bends; the columns add up.
     """
 
     x: Reals
@@ -318,7 +319,7 @@ class FrameBuffer(NamedTuple):
     energy : (B, 4 or 5) [J]
         Kinetic, of bars, of hinges, of weight; of bends where there are any.
     ledger : (B, 5 or 6) [J]
-        As in `LEDGER`, since t = 0.
+        As in `LEDGER`, and what bends take, since t = 0.
     bend_angle, bend_moment : (B, E) [rad], [N*m]
     """
 
