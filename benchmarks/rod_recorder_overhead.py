@@ -7,7 +7,7 @@ PyElastica's memory block. Three ways of keeping it take turns in one process; p
 thread, medians of the rounds. "callback" is what the loop waits for at a step, "+ file" everything
 until the numbers lie in a file:
 
-*recorder*: openprc-pyelastica, to simulation.h5, written in blocks in the same thread; it also forms
+*recorder*: openprc-pyelastica, to simulation.h5, in blocks in the same thread; it also forms
 and stores length and strain of every element, and looks for divergence.
 *list*: copies appended to a dict of lists, then np.savez; nothing is written before the end.
 *export*: PyElastica's own ExportCallBack, npz parts of 32 MB; it always keeps directors, too.

@@ -38,7 +38,7 @@ def nan_and_mask_agree(case: ImporterCase, folder: Path) -> None:
     with Trajectory(imported(case)) as run:
         if not run.n_nodes:
             raise NotApplicable("the sample has no nodes")
-        gaps = np.isnan(run.positions()).any(axis=2)
+        gaps = np.asarray(np.isnan(run.positions()).any(axis=2))
         masked = run.has("/time_series/nodes/observed")
         mask = run.observed() if masked else np.ones(gaps.shape, np.uint8)
     wrong = np.argwhere(gaps != (mask == 0))

@@ -17,17 +17,19 @@ from openprc.testing.cases import ImporterCase
 from openprc.testing.check import check
 from openprc.testing.damage import (
     bombs,
+    chosen,
     entity_document,
     flip,
     members,
     redirected,
+    restored,
     sizes_to_cut,
     traversing_archive,
     truncate,
 )
 from openprc.testing.outcome import fail
 from openprc.testing.watching import watching
-from openprc.testing.workbench import copy_sample, imported, sample_of
+from openprc.testing.workbench import copy_sample, imported
 
 #: Files with flipped bits that are tried, and the seconds after which fewer will do.
 N_FLIPS = 16
@@ -76,37 +78,38 @@ def attempt(
     return True
 
 
-def _fresh(case: ImporterCase, folder: Path) -> Sample:
-    if folder.exists():
-        shutil.rmtree(folder)
-    return copy_sample(case, folder)
-
-
 @check("ROBUST-1", "truncated files give a named error or a valid result, and nothing else",
        "importer")  # fmt: skip
 def truncated_files(case: ImporterCase, folder: Path) -> None:
     """Cut every file of the sample at several places."""
     imported(case)
-    files = members(Path(sample_of(case).path))
+    sample = copy_sample(case, folder / "sample")
+    files = members(Path(sample.path))
     # A folder of hundreds of like files is represented by its first, middle and last one.
     for index in sorted({0, len(files) // 2, len(files) - 1}):
-        for size in sizes_to_cut(files[index].stat().st_size):
-            sample = _fresh(case, folder / "cut")
-            file = members(Path(sample.path))[index]
-            truncate(file, size)
-            attempt(case, sample, folder / "out.h5", what=f"{file.name} cut to {size} bytes")
+        file = files[index]
+        for size in sizes_to_cut(file.stat().st_size):
+            with restored(file):
+                truncate(file, size)
+                attempt(case, sample, folder / "out.h5", what=f"{file.name} cut to {size} bytes")
 
 
-@check("ROBUST-2", "flipped bits give a named error or a valid result, and nothing else",
-       "importer")  # fmt: skip
+@check(
+    "ROBUST-2",
+    "flipped bits give a named error or a valid result, and nothing else",
+    "importer",
+)
 def flipped_bits(case: ImporterCase, folder: Path) -> None:
     """Flip bits in many copies of the sample, always the same ones."""
     imported(case)
+    sample = copy_sample(case, folder / "sample")
     began = time.perf_counter()
     for seed in range(N_FLIPS):
-        sample = _fresh(case, folder / "flipped")
-        done = flip(Path(sample.path), np.random.default_rng(seed))
-        attempt(case, sample, folder / "out.h5", what=f"{done} (seed {seed})")
+        rng = np.random.default_rng(seed)
+        file = chosen(Path(sample.path), rng)
+        with restored(file):
+            done = flip(file, rng)
+            attempt(case, sample, folder / "out.h5", what=f"{done} (seed {seed})")
         if seed >= _ENOUGH and time.perf_counter() - began > _PATIENCE:
             return
 
@@ -115,18 +118,18 @@ def flipped_bits(case: ImporterCase, folder: Path) -> None:
 def empty_files(case: ImporterCase, folder: Path) -> None:
     """Empty the sample, and in a folder one file after the other."""
     imported(case)
-    path = Path(sample_of(case).path)
-    count = len(members(path))
-    for index in sorted({0, count // 2, count - 1}):
-        sample = _fresh(case, folder / "emptied")
-        file = members(Path(sample.path))[index]
-        truncate(file, 0)
-        made = attempt(case, sample, folder / "out.h5", what=f"{file.name} emptied")
+    sample = copy_sample(case, folder / "sample")
+    path = Path(sample.path)
+    files = members(path)
+    for index in sorted({0, len(files) // 2, len(files) - 1}):
+        file = files[index]
+        with restored(file):
+            truncate(file, 0)
+            made = attempt(case, sample, folder / "out.h5", what=f"{file.name} emptied")
         if made and path.is_file():
             fail("an empty file gives a result", expected="UnreadableFile", fix="check the size")
     if path.is_dir():
-        sample = _fresh(case, folder / "bare")
-        for file in members(Path(sample.path)):
+        for file in files:
             file.unlink()
         if attempt(case, sample, folder / "out.h5", what="a folder without files"):
             fail("an empty folder gives a result", expected="UnreadableFile", fix="look first")
@@ -135,7 +138,7 @@ def empty_files(case: ImporterCase, folder: Path) -> None:
 @check("ROBUST-4", "code in a pickle is never run, whether or not the file is trusted", "importer")
 def pickle_bombs(case: ImporterCase, folder: Path) -> None:
     """Put pickles that run code in the place of the sample."""
-    sample = _fresh(case, folder / "sample")
+    sample = copy_sample(case, folder / "sample")
     marker = folder / "executed"
     path = Path(sample.path)
     targets = [path] if path.is_file() else members(path)[:1]
@@ -161,7 +164,7 @@ def pickle_bombs(case: ImporterCase, folder: Path) -> None:
 @check("ROBUST-5", "a file does not lead to other files", "importer")
 def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
     """Move the data elsewhere, behind links, and see whether they are followed."""
-    sample = _fresh(case, folder / "sample")
+    sample = copy_sample(case, folder / "sample")
     path = Path(sample.path)
     file = path if path.is_file() else members(path)[0]
     original = file.read_bytes()
@@ -197,7 +200,7 @@ def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
        "importer")  # fmt: skip
 def folder_instead_of_file(case: ImporterCase, folder: Path) -> None:
     """Swap files and folders."""
-    sample = _fresh(case, folder / "sample")
+    sample = copy_sample(case, folder / "sample")
     path = Path(sample.path)
     if path.is_file():
         path.unlink()
@@ -218,7 +221,7 @@ def folder_instead_of_file(case: ImporterCase, folder: Path) -> None:
 def unreadable_files(case: ImporterCase, folder: Path) -> None:
     """Take the permission to read away, or where that binds nobody (root) the file itself."""
     home = folder / "sample"
-    sample = _fresh(case, home)
+    sample = copy_sample(case, home)
     path = Path(sample.path)
     file = members(path)[0]
     locked = hasattr(os, "geteuid") and os.geteuid() != 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from openprc.schema.experiment import Experiment
-from openprc.schema.geometry import Bars, Bends, Geometry, Hinges
+from openprc.testing import bodies
 from openprc.testing.closed_form_scenes import Array, Scene, X, Y, Z, chain
 
 _RATE = 5.0  # rad/s
@@ -22,11 +22,11 @@ def spinning_pair(dt: float, *, rigid: bool) -> Scene:
     places = np.array([-radius * X, radius * X])
     speed = radius * _RATE
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=[mass, mass],
             velocities=np.array([-speed * Y, speed * Y]),
-            bars=Bars(indices=[[0, 1]], stiffness=[stiffness], rest_length=[length],
+            bars=bodies.bars(indices=[[0, 1]], stiffness=[stiffness], rest_length=[length],
                       rigid=[rigid]),
         ),
         duration=2.0, dt=5e-4 * dt, save_interval=0.02,
@@ -55,7 +55,7 @@ def longitudinal_chain(dt: float, *, bend: float = 0.0, clamped: int = 1) -> Sce
     shape = amplitude * np.sin(np.pi * number / (2.0 * free))
     omega = 2.0 * np.sqrt(stiffness / mass) * np.sin(np.pi / (4.0 * free))
     body = chain(rest, mass=mass, stiffness=stiffness, bend=bend, fixed=clamped)
-    geometry = Geometry(
+    geometry = bodies.body(
         positions=rest + shape[:, np.newaxis] * X,
         masses=body.masses, fixed=body.fixed, bars=body.bars, bends=body.bends,
     )  # fmt: skip
@@ -92,12 +92,14 @@ def hinge(dt: float) -> Scene:
     places = np.array([0.0 * X, X, wing(np.array(start)), 0.5 * X - _INERTIA_ARM * Y])
     arm = float(np.hypot(0.5, _INERTIA_ARM))
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=np.full(4, mass),
             fixed=[True, True, False, True],
-            bars=Bars(indices=[[0, 2], [1, 2]], stiffness=[2e4, 2e4], rest_length=[arm, arm]),
-            hinges=Hinges(indices=[[0, 1, 2, 3]], stiffness=[torsion], rest_angle=[rest]),
+            bars=bodies.bars(
+                indices=[[0, 2], [1, 2]], stiffness=[2e4, 2e4], rest_length=[arm, arm]
+            ),
+            hinges=bodies.hinges(indices=[[0, 1, 2, 3]], stiffness=[torsion], rest_angle=[rest]),
         ),
         duration=2.0, dt=1e-4 * dt, save_interval=0.02,
     )  # fmt: skip
@@ -123,13 +125,13 @@ def bend(dt: float) -> Scene:
 
     places = np.array([-_INERTIA_ARM * X, 0.0 * X, tip(np.array(_SWING))])
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=np.full(3, mass),
             fixed=[True, True, False],
-            bars=Bars(indices=[[0, 1], [1, 2]], stiffness=[2e4, 2e4],
+            bars=bodies.bars(indices=[[0, 1], [1, 2]], stiffness=[2e4, 2e4],
                       rest_length=[_INERTIA_ARM, _INERTIA_ARM]),
-            bends=Bends(indices=[[0, 1, 2]], stiffness=[torsion]),
+            bends=bodies.bends(indices=[[0, 1, 2]], stiffness=[torsion]),
         ),
         duration=2.0, dt=1e-4 * dt, save_interval=0.02,
     )  # fmt: skip

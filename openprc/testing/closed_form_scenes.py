@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from openprc.schema.dihedral import dihedral_angles
 from openprc.schema.experiment import Experiment
-from openprc.schema.geometry import Bars, Bends, Geometry, Hinges
+from openprc.schema.geometry import Geometry
+from openprc.testing import bodies
 
 Array = NDArray[np.float64]
 X, Y, Z = np.eye(3)
@@ -70,15 +71,17 @@ def chain(
     masses[[0, -1]] = mass / 2.0
     ends = np.column_stack([np.arange(count - 1), np.arange(1, count)])
     inner = np.column_stack([np.arange(count - 2), np.arange(1, count - 1), np.arange(2, count)])
-    return Geometry(
+    return bodies.body(
         positions=places,
         masses=masses,
         fixed=np.arange(count) < fixed,
-        velocities=velocities,  # type: ignore[arg-type]  # None is zero
-        bars=Bars(
+        velocities=velocities,
+        bars=bodies.bars(
             indices=ends, stiffness=np.full(count - 1, stiffness), rest_length=np.ones(count - 1)
         ),
-        bends=Bends(indices=inner, stiffness=np.full(len(inner), bend)) if bend else Bends(),
+        bends=bodies.bends(indices=inner, stiffness=np.full(len(inner), bend))
+        if bend
+        else bodies.bends(),
     )
 
 
@@ -91,7 +94,7 @@ def free_fall(dt: float, *, as_chain: bool = False) -> Scene:
     geometry = (
         chain(start, mass=0.3, stiffness=300.0, bend=2.0, velocities=velocities)
         if as_chain
-        else Geometry(positions=start, masses=[0.3], velocities=velocities)
+        else bodies.body(positions=start, masses=[0.3], velocities=velocities)
     )
 
     def exact(times: Array) -> Array:
@@ -120,14 +123,16 @@ def oscillator(dt: float, *, damping: float = 0.0, drag: float = 0.0) -> Scene:
 
     def moving(t: Array) -> Array:
         swing = np.cos(omega * t) + decay / omega * np.sin(omega * t)
-        return (_LENGTH + _AMPLITUDE * np.exp(-decay * t) * swing)[:, np.newaxis] * X
+        length = _LENGTH + _AMPLITUDE * np.exp(-decay * t) * swing
+        tip: Array = length[:, np.newaxis] * X
+        return tip
 
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=[_MASS, _MASS],
             fixed=[True, False],
-            bars=Bars(indices=[[0, 1]], stiffness=[_STIFFNESS], rest_length=[_LENGTH],
+            bars=bodies.bars(indices=[[0, 1]], stiffness=[_STIFFNESS], rest_length=[_LENGTH],
                       damping=[damping]),
         ),
         duration=3.0, dt=5e-4 * dt, save_interval=0.02, damping=drag,
@@ -142,10 +147,11 @@ def drag(dt: float) -> Scene:
 
     def moving(t: Array) -> Array:
         way = mass / coefficient * (1.0 - np.exp(-coefficient * t / mass))
-        return places[0] + way[:, np.newaxis] * velocity
+        there: Array = places[0] + way[:, np.newaxis] * velocity
+        return there
 
     experiment = Experiment(
-        geometry=Geometry(positions=places, masses=[mass], velocities=[velocity]),
+        geometry=bodies.body(positions=places, masses=[mass], velocities=[velocity]),
         duration=1.0, dt=1e-3 * dt, save_interval=0.02, damping=coefficient,
     )  # fmt: skip
     return Scene(experiment, _still(places, moving, node=0), mass / coefficient)
@@ -172,11 +178,13 @@ def pendulum(dt: float, *, rigid: bool = False) -> Scene:
         return swung
 
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=[1.0, 1.0],
             fixed=[True, False],
-            bars=Bars(indices=[[0, 1]], stiffness=[5e4], rest_length=[length], rigid=[rigid]),
+            bars=bodies.bars(
+                indices=[[0, 1]], stiffness=[5e4], rest_length=[length], rigid=[rigid]
+            ),
         ),
         duration=4.0, dt=2.5e-4 * dt, save_interval=0.02, gravity=(0.0, 0.0, -GRAVITY),
         integrator="rattle" if rigid else "rk4",
@@ -194,12 +202,13 @@ def momentum(dt: float) -> Scene:
         # Only the centre is compared; both nodes are put there.
         centre = masses @ places / masses.sum()
         velocity = masses @ velocities / masses.sum()
-        return (centre + times[:, np.newaxis] * velocity)[:, np.newaxis].repeat(2, axis=1)
+        path: Array = centre + times[:, np.newaxis] * velocity
+        return path[:, np.newaxis].repeat(2, axis=1)
 
     experiment = Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places, masses=masses, velocities=velocities,
-            bars=Bars(indices=[[0, 1]], stiffness=[40.0], rest_length=[1.0], damping=[0.05]),
+            bars=bodies.bars(indices=[[0, 1]], stiffness=[40.0], rest_length=[1.0], damping=[0.05]),
         ),
         duration=1.0, dt=1e-3 * dt, save_interval=0.02,
     )  # fmt: skip
@@ -215,13 +224,13 @@ def rest(dt: float, *, elements: str = "hinges") -> Scene:
         geometry = chain(np.arange(4.0)[:, np.newaxis] * X, mass=0.2, stiffness=300.0, bend=2.0)
     else:
         lengths = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
-        geometry = Geometry(
+        geometry = bodies.body(
             positions=places,
             masses=np.full(4, 0.2),
-            bars=Bars(indices=pairs, stiffness=np.full(5, 80.0), rest_length=lengths),
-            hinges=Hinges(indices=crease, stiffness=[0.5],
+            bars=bodies.bars(indices=pairs, stiffness=np.full(5, 80.0), rest_length=lengths),
+            hinges=bodies.hinges(indices=crease, stiffness=[0.5],
                           rest_angle=dihedral_angles(places[np.newaxis], crease)[0])
-            if elements == "hinges" else Hinges(),
+            if elements == "hinges" else bodies.hinges(),
         )  # fmt: skip
     experiment = Experiment(geometry=geometry, duration=0.5, dt=1e-3 * dt, save_interval=0.02)
     body = geometry.positions

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.schema.dihedral import dihedral_angles
 from openprc.schema.provenance import Provenance
 from openprc.schema.writer import TrajectoryWriter
 from openprc.testing.workbench import kit_folder
@@ -17,7 +18,7 @@ N_FRAMES, DT, HOLD = 25, 0.02, 0.1
 
 #: What there is, and what it stands for.
 KINDS = {
-    "body": "nodes in space, bars, velocities, channels and a held input",
+    "body": "nodes in space with bars, a hinge, faces, velocities, a channel and a held input",
     "planar": "nodes in a plane",
     "gaps": "nodes of which some were not seen in some frames",
     "channels": "sensor readings without nodes",
@@ -82,18 +83,32 @@ def _nodes(writer: TrajectoryWriter, content: dict[str, Any], kind: str) -> None
     x = places(dims)
     body = kind == "body"
     writer.declare_nodes(
-        4, dims, unit="m", velocities=body, observed=kind == "gaps", mass=np.full(4, 0.1)
-    )
+        4, dims, unit="m", velocities=body, observed=kind == "gaps", mass=np.full(4, 0.1),
+        rest=x[0],
+    )  # fmt: skip
     if kind == "gaps":
         content["observed"] = seen()
         x[seen() == 0] = np.nan
     if body:
-        pairs = np.array([(0, 1), (1, 2), (2, 3)])
+        pairs = np.array([(0, 1), (0, 2), (1, 2), (0, 3), (1, 3)])
         length = np.linalg.norm(x[:, pairs[:, 0]] - x[:, pairs[:, 1]], axis=2)
-        writer.declare_elements("bars", pairs, series={"length": "m"})
+        writer.declare_elements(
+            "bars", pairs, series={"length": "m"},
+            static={"rest_length": (length[0], "m"), "stiffness": (np.full(5, 50.0), "N/m")},
+        )  # fmt: skip
+        crease = np.array([[0, 1, 2, 3]])
+        writer.declare_elements(
+            "hinges", crease, series={"angle": "rad"},
+            static={"rest_angle": (dihedral_angles(x[:1], crease)[0], "rad"),
+                    "stiffness": (np.ones(1), "N*m/rad")},
+        )  # fmt: skip
+        writer.declare_elements("faces", np.array([(0, 1, 2), (0, 3, 1)]))
         writer.declare_channel("gauge", ["left"], unit="V")
         content["velocities"] = np.gradient(x, times(), axis=0)
-        content["elements"] = {("bars", "length"): length}
+        content["elements"] = {
+            ("bars", "length"): length,
+            ("hinges", "angle"): dihedral_angles(x, crease),
+        }
         content["channels"] = {"gauge": x[:, :1, 0]}
     content["positions"] = x
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import pickle
@@ -41,10 +42,24 @@ def sizes_to_cut(size: int) -> list[int]:
     return sorted({value for value in wanted if 0 < value < size})
 
 
-def flip(path: Path, rng: np.random.Generator) -> str:
-    """Flip some bits of one file of a sample; return what was done."""
+@contextlib.contextmanager
+def restored(file: Path) -> Iterator[bytes]:
+    """Yield the content of a file, and put it back afterwards."""
+    content = file.read_bytes()
+    try:
+        yield content
+    finally:
+        file.write_bytes(content)
+
+
+def chosen(path: Path, rng: np.random.Generator) -> Path:
+    """Return one of the files of a sample that hold something."""
     files = [member for member in members(path) if member.stat().st_size]
-    file = files[int(rng.integers(len(files)))]
+    return files[int(rng.integers(len(files)))]
+
+
+def flip(file: Path, rng: np.random.Generator) -> str:
+    """Flip some bits of a file; return what was done."""
     content = bytearray(file.read_bytes())
     # Half of the damage goes where formats keep their structure.
     end = len(content) if rng.random() < 0.5 else min(len(content), _HEADER)
@@ -156,6 +171,15 @@ def entity_document(outside: Path) -> bytes:
 
 
 __all__ = [
-    "Bomb", "bombs", "entity_document", "flip", "members", "redirected", "sizes_to_cut",
-    "traversing_archive", "truncate",
-]  # fmt: skip
+    "Bomb",
+    "bombs",
+    "chosen",
+    "entity_document",
+    "flip",
+    "members",
+    "redirected",
+    "restored",
+    "sizes_to_cut",
+    "traversing_archive",
+    "truncate",
+]

@@ -19,8 +19,9 @@ from openprc.schema.provenance import Provenance
 from openprc.schema.writer import TrajectoryWriter
 from openprc.testing.workbench import as_sample, kit_folder
 
-#: Bytes that are left of a truncated file: enough for a signature, not for a run.
-HEAD = 12
+#: Bytes that are left of a truncated file: at most a signature. (Who claims a container by a
+#: whole signature may have reasons: its error is more helpful than that nobody claims it.)
+HEAD = 8
 
 _TEXT = """Dear reader,
 

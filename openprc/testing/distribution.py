@@ -35,10 +35,10 @@ def cases_of(distribution: str, *, registry: Registry | None = None) -> tuple[Ca
             fix=(plugins[0].fix if plugins else "") or "install it, or see `openprc plugins`",
             key=distribution,
         )
-    names = {plugin.distribution for plugin in plugins}
+    owners = {plugin.distribution for plugin in plugins}
     found: list[Case] = []
     for item in registry.producers:
-        if item.distribution not in names:
+        if item.distribution not in owners:
             continue
         if "import" in item.spec.capabilities and item.spec.sample:
             found.append(ImporterCase(item, registry=registry))
@@ -47,7 +47,7 @@ def cases_of(distribution: str, *, registry: Registry | None = None) -> tuple[Ca
         if "record" in item.spec.capabilities:
             found.append(RecorderCase(item, registry=registry))
     for item in registry.records("openprc_exporters"):
-        if item.distribution in names:
+        if item.distribution in owners:
             found.append(ExporterCase(item, registry=registry))
     return tuple(found)
 

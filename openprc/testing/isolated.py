@@ -27,6 +27,7 @@ def main() -> None:
     entries = [ModuleEntry(order["module"], order["distribution"], order["version"])]
     registry = Registry([] if order["distribution"] == "openprc" else entries, wanted=None)
     item = registry.find(order["hook"], f"{order['distribution']}/{order['name']}")
+    answer: dict[str, Any]
     try:
         answer = {"digest": _do(order, item, registry)}
     except OpenPRCError as error:

@@ -16,8 +16,8 @@ from openprc.hooks.protocols import Progress, Runner
 from openprc.hooks.running import silent, simulate
 from openprc.schema.experiment import Actuator, Experiment, Signal
 from openprc.schema.findings import Finding
-from openprc.schema.geometry import Bars, Geometry
 from openprc.schema.provenance import Provenance
+from openprc.testing import bodies
 from openprc.testing.cases import RunnerCase
 from openprc.testing.outcome import NotApplicable
 from openprc.testing.workbench import bench_of
@@ -92,11 +92,11 @@ def driven_oscillator(*, kind: str = "force", factor: float = 1.0) -> Experiment
     if not forced:
         values[0] = 0.0  # where the foot is
     return Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]],
             masses=[0.5, 0.5],
             fixed=[forced, False],
-            bars=Bars(indices=[[0, 1]], stiffness=[50.0], rest_length=[1.0], damping=[0.5]),
+            bars=bodies.bars(indices=[[0, 1]], stiffness=[50.0], rest_length=[1.0], damping=[0.5]),
         ),
         signals={
             "drive": Signal(name="drive", values=values, dt=0.05,
@@ -129,11 +129,11 @@ def driven_lattice(*, factor: float = 1.0) -> Experiment:
     lengths = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     rng = np.random.default_rng(5)
     return Experiment(
-        geometry=Geometry(
+        geometry=bodies.body(
             positions=places,
             masses=np.full(len(places), 0.01),
             fixed=places[:, 0] == 0.0,
-            bars=Bars(
+            bars=bodies.bars(
                 indices=pairs,
                 stiffness=6.0 * rng.uniform(0.7, 1.3, len(pairs)),
                 rest_length=lengths,
@@ -161,7 +161,8 @@ def driven_scene(case: RunnerCase) -> Experiment:
         When the runner can model neither.
     """
     if case.scene is not None:
-        return case.scene()
+        given: Experiment = case.scene()
+        return given
     reasons = []
     for kind in ("force", "position"):
         scene = driven_oscillator(kind=kind, factor=case.dt_factor)

@@ -129,7 +129,7 @@ def find_equilibrium(
         raise ConfigError(f"found {kind!r}", expected="'minimum' or 'stationary'", key="kind")
     if load_steps < 1:
         raise ConfigError(f"{load_steps} steps", expected="at least 1", key="load_steps")
-    _refuse_floating(problem)
+    refuse_floating(problem)
     x = np.array(problem.positions if start is None else start, dtype="f8")
     if x.shape != problem.positions.shape or not np.isfinite(x).all():
         raise ConfigError(
@@ -252,8 +252,14 @@ def _record(
     )
 
 
-def _refuse_floating(problem: StaticProblem) -> None:
-    """Refuse loads on pieces that nothing holds: they accelerate, so there is no equilibrium."""
+def refuse_floating(problem: StaticProblem) -> None:
+    """Refuse loads on pieces that nothing holds: they accelerate, so there is no equilibrium.
+
+    Raises
+    ------
+    ConfigError
+        When there are some.
+    """
     if not problem.applied.any():
         return
     count, labels = pieces(problem)

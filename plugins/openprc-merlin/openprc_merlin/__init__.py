@@ -61,9 +61,7 @@ RUN_OPTIONS = (
         kind="float",
     ),
     OptionSpec("max-load", "load factor, up or down, that ends the path", kind="float"),
-    OptionSpec(
-        "max-displacement", "displacement of a node [m] that ends the path", kind="float"
-    ),
+    OptionSpec("max-displacement", "displacement of a node [m] that ends the path", kind="float"),
     OptionSpec(
         "tolerance",
         "length of a correction, in median bar lengths, below which an increment has converged",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Fewer iterations than this let the next step grow ...
+#: Fewer iterations than this let a step that was halved grow again ...
 _FEW = 3
 #: ... by this factor.
 _GROWTH = 1.5
@@ -39,7 +39,7 @@ def arc_length_path(
     ``-(dp_0 . dr) / (dp_0 . dp)`` of the load, dp_0 that of the increment's beginning.
 
     b is halved and the increment repeated when it takes more than the iterations allowed, and
-    grows by half after one of less than three.
+    grows back, by half, after one of less than three.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class _ArcLength:
         self.x, self.factor, self.tangent, self.before = x, factor, tangent, forward
         self.count += 1
         if iteration < _FEW:
-            self.b *= _GROWTH
+            self.b = float(np.copysign(min(abs(self.b) * _GROWTH, abs(self.first)), self.b))
         return balance.point(x, factor, iterations=iteration, n_negative=tangent.n_negative)
 
     def _corrected(

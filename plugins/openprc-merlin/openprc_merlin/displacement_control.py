@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 Unstable = Literal["follow", "settle"]
 
 
+#: Share of work and energy that may be missing because a step was long.
+_MISSING = 0.3
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Station:
     """What is imposed at one increment.
@@ -78,11 +82,43 @@ def controlled_path(
     """
     x, here = start, begin
     for number, station in enumerate(stations, 1):
-        x, iterations, n_negative = _reach(balance, x, here, station, number=number)
-        here, loaded = station, balance.under(station.loads)
-        if unstable == "settle" and n_negative:
-            x, n_negative = lowest_nearby(loaded, x), 0
+        loaded = balance.under(station.loads)
+        if unstable == "settle":
+            x, iterations, n_negative = _settle(
+                loaded, np.where(balance.problem.held, station.positions, x)
+            )
+        else:
+            x, iterations, n_negative = _reach(balance, x, here, station, number=number)
+        here = station
         yield loaded.point(x, 1.0, iterations=iterations, n_negative=n_negative)
+
+
+def jump(balance: Balance, before: PathPoint, after: PathPoint) -> float:
+    """Return the energy [J] that is released between two points, 0 where a path joins them.
+
+    Along a path the energy grows by the work of loads and drives, which the mean of their
+    forces at both ends gives to the third order in the step. Where a large part of it is
+    missing the body has jumped.
+    """
+    way = after.positions - before.positions
+    mean = 0.5 * (before.reactions + after.reactions + before.loads + after.loads)
+    work = float((mean * way).sum())
+    problem = balance.problem
+    gained = problem.energy(after.positions) - problem.energy(before.positions)
+    missing = work - gained
+    return missing if missing > _MISSING * (abs(work) + abs(gained)) else 0.0
+
+
+def _settle(balance: Balance, x: Floats) -> tuple[Floats, int, int | None]:
+    """Return the equilibrium near `x` where it is stable, else the one downhill from there."""
+    try:
+        found, iterations, n_negative = newton(balance, x)
+        if not n_negative:
+            return found, iterations, n_negative
+        x = found
+    except (StepFailed, NotConverged):  # there is none nearby; an element may have collapsed
+        iterations = balance.settings.max_iterations
+    return lowest_nearby(balance, x), iterations, 0
 
 
 def _reach(

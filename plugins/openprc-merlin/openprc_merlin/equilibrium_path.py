@@ -52,6 +52,8 @@ class PathPoint:
         Of the reference load; 1 where all loads are followed as they are.
     reactions : (N, 3) [N]
         Forces of the supports and drives on the body, 0 at free axes.
+    loads : (N, 3) [N]
+        The factor times the reference load.
     residual : float [N]
         Largest force out of balance at a free axis.
     iterations : int
@@ -65,6 +67,7 @@ class PathPoint:
     positions: Floats
     factor: float
     reactions: Floats
+    loads: Floats
     residual: float
     iterations: int
     n_negative: int | None
@@ -150,12 +153,14 @@ class Balance:
         self, x: Floats, factor: float, *, iterations: int, n_negative: int | None
     ) -> PathPoint:
         """Return what is recorded of an equilibrium."""
-        forces = self.problem.gradient(x) - factor * self.reference
+        loads = factor * self.reference
+        forces = self.problem.gradient(x) - loads
         held = self.problem.held
         return PathPoint(
             positions=x,
             factor=factor,
             reactions=np.where(held, forces, 0.0),
+            loads=loads,
             residual=float(np.abs(forces[~held]).max(initial=0.0)),
             iterations=iterations,
             n_negative=n_negative,

@@ -53,7 +53,7 @@ class MerlinExporter:
             trajectory,
             version=options.get("version"),
             rest=str(options.get("rest") or "stored"),
-            stride=int(options.get("stride") or 1),
+            stride=int(options.get("stride", 1)),
         )
         try:
             # "x": nothing is ever written over.

@@ -52,7 +52,7 @@ class FoldExporter:
             When `path` exists.
         """
         path = Path(path)
-        stride = int(options.get("stride") or 1)
+        stride = int(options.get("stride", 1))
         if stride < 1:
             raise ConfigError(
                 f"stride {stride}",

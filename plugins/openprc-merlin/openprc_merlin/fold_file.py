@@ -263,13 +263,13 @@ def _is_number(value: Any) -> bool:
 
 
 def _unit(frames: list[dict[str, Any]], path: Path) -> str:
-    units = {
-        frame.get("frame_unit", "unit")
-        for frame in frames
-        if isinstance(frame.get("frame_unit", "unit"), str)
-    }
-    if len(units) != 1:
-        raise _wrong(
-            path, "frame_unit", f"several units: {', '.join(sorted(units)) or 'no text'}", "one"
-        )
+    """Return the one unit that frames name; those that name none share it."""
+    units = {frame["frame_unit"] for frame in frames if _says_unit(frame)} or {"unit"}
+    if len(units) > 1:
+        names = ", ".join(sorted(units))
+        raise _wrong(path, "frame_unit", f"several units: {names}", "one")
     return units.pop()
+
+
+def _says_unit(frame: Mapping[str, Any]) -> bool:
+    return isinstance(frame.get("frame_unit"), str)

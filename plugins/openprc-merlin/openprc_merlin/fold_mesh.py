@@ -65,10 +65,9 @@ def build(frame: Mapping[str, Any], *, shape: Floats, file: Path) -> FoldMesh:
     if shape.shape[1] == 2:
         # Dihedral angles of a body that stays in its plane say nothing.
         hinges = hinges[:0]
-    if len(edges):
-        creases = [letter_at.get(tuple(sorted(row[:2]))) for row in hinges.tolist()]
-        keep = [letter is not None and letter != "C" for letter in creases]
-        hinges = hinges[np.array(keep, dtype=bool)]
+    sides = letter_at if len(edges) else dict.fromkeys(_sides(frame), "U")
+    creases = [sides.get(tuple(sorted(row[:2])), "C") for row in hinges.tolist()]
+    hinges = hinges[np.array([letter != "C" for letter in creases], dtype=bool)]
     codes = [
         BEND if letter_at.get(tuple(sorted(row[:2]))) == "J" else FOLD for row in hinges.tolist()
     ]
@@ -165,6 +164,15 @@ def _faces(frame: Mapping[str, Any], shape: Floats, file: Path) -> tuple[Ints, l
             f"{left_out} faces that no corner sees all of were left out, with their hinges"
         )
     return np.array(rows, dtype=np.int64).reshape(-1, 3), notes
+
+
+def _sides(frame: Mapping[str, Any]) -> set[tuple[int, int]]:
+    """Return the sides of all polygons, which are the edges of a file that lists none."""
+    return {
+        (min(pair), max(pair))
+        for polygon in frame.get("faces_vertices", [])
+        for pair in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+    }
 
 
 def _cut(points: Floats, polygon: list[int]) -> list[tuple[int, int, int]]:

@@ -87,9 +87,9 @@ def _tracks(positions: Floats) -> Floats:
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Return (E, B) scalar products of (E, 3, B) vectors."""
+    """Return (E, B) scalar products of (E, D, B) vectors."""
     total = a[:, 0] * b[:, 0]
-    for axis in (1, 2):
+    for axis in range(1, a.shape[1]):
         total += a[:, axis] * b[:, axis]
     return total
 

@@ -50,6 +50,11 @@ class Drives:
         """The forces at the last frame, which a load factor multiplies: (N, 3) [N]."""
         return self.stations[-1].loads
 
+    @property
+    def largest_loads(self) -> Floats:
+        """The forces of the frame at which they are largest: (N, 3) [N]."""
+        return max(self.stations, key=lambda station: float(np.abs(station.loads).sum())).loads
+
 
 def read_drives(experiment: Experiment) -> Drives:
     """Sample the signals of the actuators at the times of the frames."""

@@ -72,9 +72,7 @@ def load(path: Path) -> dict[str, Any]:
     return {**lent, **_joined(nodes, variables, first=1, path=path)}
 
 
-def _joined(
-    nodes: Any, arrays: Mapping[str, Any], *, first: int, path: Path
-) -> dict[str, Any]:
+def _joined(nodes: Any, arrays: Mapping[str, Any], *, first: int, path: Path) -> dict[str, Any]:
     """Return nodes and what loose tables connect them by, counted from 1."""
     found: dict[str, Any] = {}
     for name, (names, width) in _TABLES.items():

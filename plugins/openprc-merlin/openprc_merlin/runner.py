@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +63,8 @@ class PathRunner:
         """
         # Listing what a scene lacks should not load the solver.
         from openprc.demlat.statics import StaticProblem  # noqa: PLC0415
+        from openprc.demlat.statics.equilibrium import refuse_floating  # noqa: PLC0415
+        from openprc_merlin.displacement_control import jump  # noqa: PLC0415
         from openprc_merlin.equilibrium_path import Balance, starting_state  # noqa: PLC0415
         from openprc_merlin.path_control import choose_course, read_drives  # noqa: PLC0415
         from openprc_merlin.path_recorder import PathRecorder  # noqa: PLC0415
@@ -81,16 +84,25 @@ class PathRunner:
         balance = Balance(
             problem, drives.reference if along else first.loads, settings=course.settings
         )
+        heaviest = drives.reference if along else drives.largest_loads
+        refuse_floating(replace(problem, loads=heaviest))
         factor = 0.0 if along else 1.0
         start, n_negative = starting_state(balance, factor=factor)
         recorder = PathRecorder(experiment, writer, problem=problem, drives=drives, along=along)
         recorder.declare()
         for remark in _remarks(experiment, course, start):
             writer.note(remark)
-        recorder.record(balance.point(start, factor, iterations=0, n_negative=n_negative))
+        before = balance.point(start, factor, iterations=0, n_negative=n_negative)
+        recorder.record(before)
         progress(0.0, "at rest")
         for number, point in enumerate(_path(balance, start, drives, course), 1):
             recorder.record(point)
+            if not along and (released := jump(balance, before, point)):
+                writer.note(
+                    f"increment {number} is a jump: {released:.3g} J are released on the way to"
+                    " an equilibrium that no path leads to"
+                )
+            before = point
             progress(number / course.increments, f"increment {number} of {course.increments}")
             if ending := _ending(point, course, start):
                 writer.note(f"the path ends at increment {number}: {ending}")
@@ -149,12 +161,11 @@ def _remarks(experiment: Experiment, course: Course, start: Floats) -> Iterator[
         "load": "forces are those of the signals at every frame",
     }
     yield f"quasi-static equilibria, time counts increments: {means[course.control]}"
-    driven = experiment.driven_axes("position").any(axis=1)
-    shift = np.linalg.norm(start - geometry.positions, axis=1)
-    if shift[~driven].max(initial=0.0) > 0.0:
+    shift = np.abs(np.where(experiment.held_axes, 0.0, start - geometry.positions)).max(initial=0.0)
+    if shift > 0.0:
         yield (
             f"the body is not in balance as given: frame 0 is the equilibrium nearby, up to"
-            f" {shift.max():.3g} m away"
+            f" {shift:.3g} m away"
         )
     ignored = {
         "initial velocities": geometry.velocities.any(),

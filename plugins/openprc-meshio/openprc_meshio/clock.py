@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, UnreadableFile
 from openprc_meshio.frames import Frame, Series
@@ -44,6 +45,7 @@ class Clock:
             )
         timed = series.times is not None or series.frames[0].time is not None
         self._counted = not timed
+        self._last = -np.inf
         if not timed and dt is None:
             if unit not in (None, "1"):
                 raise self._wrong(
@@ -57,10 +59,6 @@ class Clock:
         self.kind = "pseudo" if self.unit == "1" else "physical"
         self._steps = self._count()
         self.note = self._origin(unit, timed=timed)
-        if series.times is not None:
-            bad = np.flatnonzero(~(np.diff(series.times, prepend=-np.inf) > 0))
-            if bad.size and dt is None:
-                self._backwards(int(bad[0]))
 
     def at(self, index: int, frame: Frame) -> float:
         """Return the time of a frame."""
@@ -70,20 +68,22 @@ class Clock:
                 return float(self._steps[index])
             if own is None:
                 raise self._damaged(f"frame {index} has no time, and the first has")
+            if not own > self._last:
+                raise self._damaged(f"frame {index} is at {own:g} after {self._last:g}")
+            self._last = float(own)
             return float(own)
-        start = 0.0 if self._counted else float(self._first())
+        start = self._first()
         even = start + float(self._steps[index]) * self._dt
         if not self._counted and (own is None or abs(own - even) > 0.1 * self._dt):
             raise self._damaged(f"frame {index} is at {own}, and at {even:g} with dt = {self._dt}")
-        return even
+        return float(even)
 
     def _first(self) -> float:
         times = self._series.times
         own = times[0] if times is not None else self._series.frames[0].time
-        assert own is not None
-        return float(own)
+        return 0.0 if own is None else float(own)
 
-    def _count(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+    def _count(self) -> NDArray[np.int64]:
         """Return how many steps every frame is after the first, or its load step."""
         index = np.arange(len(self._series.frames), dtype=np.int64)
         numbers = self._series.numbers
@@ -112,14 +112,10 @@ class Clock:
             return f"times are those of the files, in {self.unit}"
         if self._dt is not None:
             return f"the files hold no times; dt = {self._dt} was given"
-        what = "the index of the frame" if self._series.numbers is None else "the number of the file"
+        what = (
+            "the index of the frame" if self._series.numbers is None else "the number of the file"
+        )
         return f"the files hold no times: load steps, {what}; dt=... makes it time"
-
-    def _backwards(self, index: int) -> None:
-        times = self._series.times
-        assert times is not None
-        before = f" after {times[index - 1]:g}" if index else ""
-        raise self._damaged(f"frame {index} is at {times[index]:g}{before}")
 
     def _damaged(self, found: str) -> UnreadableFile:
         return UnreadableFile(

@@ -42,7 +42,7 @@ class NodeIdentity:
         self._n_nodes = n_nodes
         self._first = first
         self.tables = by_shape(first.cells())
-        self.ids = None if ids is None else self._ids(first, 0)
+        self.ids = None if ids is None else self._ids(ids, first, 0)
 
     def order(self, frame: Frame, index: int) -> tuple[Ints | None, dict[str, Ints]]:
         """Return how to pick nodes, and cells of each shape; nothing where they are in order.
@@ -52,13 +52,12 @@ class NodeIdentity:
         SchemaError
             When the frame has other nodes or other cells: the mesh was made anew.
         """
-        if self._name is None:
+        if self._name is None or self.ids is None:
             known = frame.same_cells is not None and frame.same_cells == self._first.same_cells
             if not known and not _equal(by_shape(frame.cells()), self.tables):
                 raise self._other(index, frame, "its cells join other points")
             return None, {}
-        assert self.ids is not None
-        ids = self._ids(frame, index)
+        ids = self._ids(self._name, frame, index)
         if np.array_equal(ids, self.ids):
             nodes = None
             place = np.arange(len(ids))
@@ -96,21 +95,20 @@ class NodeIdentity:
         if count != self._n_nodes:
             raise self._other(index, frame, f"it has {count} points, the first has {self._n_nodes}")
 
-    def _ids(self, frame: Frame, index: int) -> Ints:
-        assert self._name is not None
-        if self._name not in frame.point_names:
+    def _ids(self, name: str, frame: Frame, index: int) -> Ints:
+        if name not in frame.point_names:
             raise MissingData(
-                f"frame {index} has no point field {self._name!r}",
+                f"frame {index} has no point field {name!r}",
                 expected="one of " + (", ".join(frame.point_names) or "none: there are no fields"),
                 fix="correct the option ids",
                 file=self._path,
                 key="ids",
             )
-        values = frame.point_field(self._name)
+        values = frame.point_field(name)
         whole = values.ndim == 1 and np.isfinite(values).all() and (values == np.rint(values)).all()
         if not whole or len(np.unique(values)) != len(values):
             raise SchemaError(
-                f"{self._name!r} of frame {index} is not a different whole number for every point",
+                f"{name!r} of frame {index} is not a different whole number for every point",
                 expected="ids",
                 fix="name another field, or leave the option out if points are always listed alike",
                 file=self._path,
@@ -159,4 +157,6 @@ def _sorted_rows(table: Ints) -> Ints:
 
 
 def _equal(a: dict[str, Ints], b: dict[str, Ints]) -> bool:
-    return a.keys() == b.keys() and all(np.array_equal(table, b[shape]) for shape, table in a.items())
+    return a.keys() == b.keys() and all(
+        np.array_equal(table, b[shape]) for shape, table in a.items()
+    )

@@ -83,14 +83,18 @@ class MeshFrame:
         self.path = path
         self.same_points: object = None
         self.same_cells: object = None
+        #: Whether the time in the file means something.
+        self.timed = True
         self._mesh, self.said = _read(path, reader)
         self.point_names = tuple(self._mesh.point_data)
         self.cell_names = tuple(self._mesh.cell_data)
 
     def points(self) -> Array:
+        """Return the places, (N, D)."""
         return np.asarray(self._mesh.points)
 
     def cells(self) -> list[Cells]:
+        """Return the cells, block by block; polyhedra, which list no corners, are left out."""
         return [
             Cells(block.type, np.asarray(block.data, dtype=np.int64))
             for block in self._mesh.cells
@@ -98,9 +102,11 @@ class MeshFrame:
         ]
 
     def point_field(self, name: str) -> Array:
+        """Return a field of the points."""
         return _flat(self._mesh.point_data[name])
 
     def cell_field(self, name: str) -> Sequence[Array | None]:
+        """Return a field of the cells, one array a block."""
         return [
             _flat(values)
             for block, values in zip(self._mesh.cells, self._mesh.cell_data[name], strict=True)
@@ -110,6 +116,8 @@ class MeshFrame:
     @property
     def time(self) -> float | None:
         """The time that VTK writes into the file, if there is one."""
+        if not self.timed:
+            return None
         value = np.asarray(self._mesh.field_data.get("TimeValue", ())).reshape(-1)
         return float(value[0]) if value.size == 1 and value.dtype.kind in "fiu" else None
 

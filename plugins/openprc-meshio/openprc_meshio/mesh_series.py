@@ -7,8 +7,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import overload
 
-import numpy as np
-
 from openprc.errors import UnreadableFile
 from openprc_meshio import mesh_files, numbered
 from openprc_meshio.frames import Frame, Series
@@ -40,21 +38,22 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
     first = mesh_files.MeshFrame(listing.files[0], reader=module)
     frames = _Files(listing.files, module, first)
     notes = [f"read by {mesh_files.version_of(module)}, {len(listing.files)} files"]
-    times = listing.times
-    if times is None and first.time is not None:
-        times = np.array([frames[i].time for i in range(len(frames))], dtype=np.float64)
-        if not (np.diff(times) > 0).all():  # also where a file has none, which is NaN
-            times = None
-            notes.append("the times in the files (TimeValue) do not increase and were left aside")
-        else:
-            notes.append("times are those in the files (TimeValue)")
+    start = first.time
+    if listing.times is None and start is not None:
+        frames.timed = True
+        second = frames[1].time
+        frames.timed = second is not None and second > start
+        notes.append(
+            "times are those in the files (TimeValue)"
+            if frames.timed
+            else "the times in the files (TimeValue) do not increase and were left aside"
+        )
     if first.said:
         notes.append(f"{module.__name__} said about {first.path.name}: {first.said}")
-    series = Series(path, frames, times, notes=notes)
-    series.numbers = listing.numbers
     named = path.resolve()
-    series.sources = [file for file in listing.files if file.resolve() != named and not path.is_dir()]
-    return series
+    # The host hashes what was named: of a folder, every file below it.
+    others = [] if path.is_dir() else [f for f in listing.files if f.resolve() != named]
+    return Series(path, frames, listing.times, listing.numbers, sources=others, notes=notes)
 
 
 class _Files(Sequence[Frame]):
@@ -66,6 +65,7 @@ class _Files(Sequence[Frame]):
         self._files = files
         self._reader = reader
         self._last = (0, first)
+        self.timed = False
 
     def __len__(self) -> int:
         return len(self._files)
@@ -74,13 +74,12 @@ class _Files(Sequence[Frame]):
     def __getitem__(self, index: int) -> mesh_files.MeshFrame: ...
     @overload
     def __getitem__(self, index: slice) -> list[mesh_files.MeshFrame]: ...
-    def __getitem__(
-        self, index: int | slice
-    ) -> mesh_files.MeshFrame | list[mesh_files.MeshFrame]:
+    def __getitem__(self, index: int | slice) -> mesh_files.MeshFrame | list[mesh_files.MeshFrame]:
         """Return a frame."""
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         if self._last[0] != index:
             frame = mesh_files.MeshFrame(self._files[index], reader=self._reader)
             self._last = (index, frame)
+        self._last[1].timed = self.timed
         return self._last[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -107,11 +107,12 @@ class Motion:
 
     def _places(self, frame: Frame, index: int) -> Floats:
         """Return the places of all nodes, (N, 2 or 3), in the order of the frame."""
-        name = self._roles.displacement
+        return self._displaced(self._points(frame, index), frame, index)
+
+    def _points(self, frame: Frame, index: int) -> Floats:
         if frame.same_points is not None and frame.same_points == self._token:
-            points = self._rest
-        else:
-            points = frame.points().astype(np.float64)
+            return self._rest
+        points = frame.points().astype(np.float64)
         self._identity.check_count(frame, index, len(points))
         if points.shape[1] != self._rest.shape[1]:
             raise UnreadableFile(
@@ -121,6 +122,10 @@ class Motion:
                 fix="export the series again",
                 file=self._path,
             )
+        return points
+
+    def _displaced(self, points: Floats, frame: Frame, index: int) -> Floats:
+        name = self._roles.displacement
         places = _padded(points, self._wide)
         if name is None:
             return places
@@ -163,7 +168,9 @@ class Motion:
         size = max(1, min(1024, _BLOCK_BYTES // row))
         start: Floats | None = None
         for low in range(0, len(frames), size):
-            rows = [self._row(frames[i], i, clock) for i in range(low, min(low + size, len(frames)))]
+            rows = [
+                self._row(frames[i], i, clock) for i in range(low, min(low + size, len(frames)))
+            ]
             block = _stacked(rows)
             places = block["positions"]
             start = places[0] if start is None else start
@@ -185,7 +192,9 @@ class Motion:
 
     def _declare(self, writer: TrajectoryWriter, *, clock: Clock, unit: str) -> None:
         roles = self._roles
-        writer.declare_time(unit=clock.unit, kind="pseudo" if clock.kind == "pseudo" else "physical")
+        writer.declare_time(
+            unit=clock.unit, kind="pseudo" if clock.kind == "pseudo" else "physical"
+        )
         writer.declare_nodes(
             len(self._rest),
             self._dims,
@@ -193,7 +202,9 @@ class Motion:
             velocities=roles.velocity is not None,
             velocity_unit=roles.velocity_unit,
             observed=self._missing,
-            rest=None if roles.displacement is None else self._rest[:, : self._dims],
+            rest=None
+            if roles.displacement is None
+            else _padded(self._rest, self._wide)[:, : self._dims],
             ids=None if self._identity.ids is None else self._identity.ids.tolist(),
         )
         first = self._series.frames[0]
@@ -217,8 +228,9 @@ class Motion:
 
     def _row(self, frame: Frame, index: int, clock: Clock) -> dict[str, Any]:
         nodes, cells = self._identity.order(frame, index)
-        places = self._places(frame, index)
-        self._refuse_both(frame, index)
+        points = self._points(frame, index)
+        self._refuse_both(points, index, nodes)
+        places = self._displaced(points, frame, index)
         row: dict[str, Any] = {"time": clock.at(index, frame)}
         row["positions"] = self._flat(places, index, nodes, "the places")
         speeds = self._speeds(frame, index)
@@ -246,12 +258,10 @@ class Motion:
             row["channels"][kept.stored] = (values if nodes is None else values[nodes]).reshape(-1)
         return row
 
-    def _refuse_both(self, frame: Frame, index: int) -> None:
+    def _refuse_both(self, points: Floats, index: int, nodes: Any) -> None:
         name = self._roles.displacement
-        if name is None or (frame.same_points is not None and frame.same_points == self._token):
+        if name is None or points is self._rest:
             return
-        nodes, _ = self._identity.order(frame, index)
-        points = frame.points().astype(np.float64)
         if not np.array_equal(points if nodes is None else points[nodes], self._rest):
             raise ConfigError(
                 f"the points of frame {index} have moved, and there is a displacement {name!r} too",

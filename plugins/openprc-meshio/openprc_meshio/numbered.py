@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +65,7 @@ def family(path: Path, suffixes: tuple[str, ...]) -> list[tuple[int, Path]]:
     else:
         members = next((g for g in groups.values() if path in [file for _, file in g]), [])
     members = sorted(members)
-    for (number, file), (other, twin) in zip(members, members[1:], strict=False):
+    for (number, file), (other, twin) in pairwise(members):
         if number == other:
             raise ConfigError(
                 f"{file.name} and {twin.name} have the same number",
@@ -124,7 +125,7 @@ def listed(path: Path) -> Listing:
             raise _wrong(path, f"data set {number} is at time {text!r}", "a number")
         rows.append((time, safe_xml.inside(item.get("file", ""), of=path)))
     rows.sort(key=lambda row: row[0])
-    for (time, file), (later, other) in zip(rows, rows[1:], strict=False):
+    for (time, file), (later, other) in pairwise(rows):
         if not later > time:
             raise _wrong(
                 path,

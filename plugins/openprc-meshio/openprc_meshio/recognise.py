@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
+
 from openprc.errors import NotATrajectory, OpenPRCError
 from openprc.schema import safety
+from openprc.schema.damage import DAMAGE
 from openprc_meshio.mesh_files import FORMATS
 from openprc_meshio.numbered import family
 
@@ -66,7 +69,7 @@ def sureness(path: Path) -> float:
         suffix = path.suffix.lower()
         head = _head(path)
         if head[:8] == safety.HDF5_SIGNATURE:
-            return _sureness_of_hdf5(path) if suffix not in FORMATS else 0.7
+            return _sureness_of_hdf5(path)
         if b"<Xdmf" in head:
             return 1.0
         if b"<VTKFile" in head and b'"Collection"' in head:
@@ -92,9 +95,13 @@ def _sureness_of_folder(folder: Path) -> float:
 
 def _sureness_of_hdf5(path: Path) -> float:
     try:
-        with safety.open_hdf5(path, allow_soft_links=True) as file:
-            return 1.0 if "VTKHDF" in file else 0.0
-    except OpenPRCError:
+        # Only the root is looked at here; `open_hdf5` walks through all of it later.
+        with h5py.File(path, "r", locking="best-effort") as file:
+            if isinstance(file.get("VTKHDF", getlink=True), h5py.HardLink):
+                return 1.0
+            # The group of meshes of a MED file.
+            return 0.7 if isinstance(file.get("ENS_MAA", getlink=True), h5py.HardLink) else 0.0
+    except DAMAGE:
         return 0.3 if path.suffix.lower() == ".vtkhdf" else 0.0
 
 

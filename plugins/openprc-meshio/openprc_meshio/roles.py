@@ -63,7 +63,8 @@ def assign(series: Series, options: Mapping[str, Any], *, unit: str, time_unit: 
     ConfigError
         When a field does not fit its role, or several do.
     """
-    first, notes = series.frames[0], []
+    first = series.frames[0]
+    notes: list[str] = []
     displacement = _displacement(first, options.get("displacement"), series.path, notes)
     velocity = options.get("velocity")
     if velocity is None and "velocities" in series.units and "velocities" in first.point_names:
@@ -86,9 +87,7 @@ def assign(series: Series, options: Mapping[str, Any], *, unit: str, time_unit: 
     )
 
 
-def _displacement(
-    first: Frame, given: str | None, path: Path, notes: list[str]
-) -> str | None:
+def _displacement(first: Frame, given: str | None, path: Path, notes: list[str]) -> str | None:
     if given == "none":
         return None
     if given is not None:
@@ -144,9 +143,7 @@ def require(frame: Frame, name: str, index: int, path: Path, *, key: str) -> Non
         )
 
 
-def _velocity_unit(
-    series: Series, options: Mapping[str, Any], *, unit: str, time_unit: str
-) -> str:
+def _velocity_unit(series: Series, options: Mapping[str, Any], *, unit: str, time_unit: str) -> str:
     given = options.get("velocity_unit")
     stated = series.units.get("velocities")
     if given and stated and given != stated:
@@ -170,9 +167,7 @@ def _velocity_unit(
     return units.velocity_unit(unit)
 
 
-def _kept(
-    series: Series, options: Mapping[str, Any]
-) -> tuple[list[Kept], dict[str, list[Kept]]]:
+def _kept(series: Series, options: Mapping[str, Any]) -> tuple[list[Kept], dict[str, list[Kept]]]:
     first = series.frames[0]
     channels: dict[str, Kept] = {}
     elements: dict[str, dict[str, Kept]] = {"bars": {}, "faces": {}}

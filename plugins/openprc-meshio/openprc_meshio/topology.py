@@ -106,9 +106,7 @@ def build(tables: Mapping[str, Ints], *, n_nodes: int, edges: bool, path: Path) 
         if corners.shape[1] < table.shape[1] and len(table):
             notes.append(f"{len(table)} {shape}: the corners count, nodes between them stay nodes")
         if base in ("quad", "polygon") and corners.shape[1] > 3 and len(table):
-            notes.append(
-                f"{len(table)} {shape} were split into triangles from their first corner"
-            )
+            notes.append(f"{len(table)} {shape} were split into triangles from their first corner")
     if left:
         notes.append(
             f"cells that are neither lines nor faces were left out: {', '.join(left)}; "
@@ -144,9 +142,7 @@ def _edges(base: str, corners: Ints) -> Iterator[Ints]:
         yield corners[:, list(pair)]
 
 
-def _join(
-    parts: list[tuple[str, Ints, Ints]], width: int, notes: list[str], kind: str
-) -> Elements:
+def _join(parts: list[tuple[str, Ints, Ints]], width: int, notes: list[str], kind: str) -> Elements:
     joined = Elements(np.empty((0, width), dtype=np.int64))
     tables = []
     degenerate = 0

@@ -9,7 +9,9 @@ https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/index.html
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,48 +115,53 @@ def _cell_fields(given: Outline) -> dict[str, dict[str, Field]]:
     return found
 
 
+@dataclass(frozen=True)
+class _Column:
+    """A dataset of the export, `rows` of it for a frame, and where its numbers come from."""
+
+    dataset: h5py.Dataset
+    rows: int
+    parts: tuple[tuple[Field, int], ...]  # field, row of a frame at which it begins
+    empty: float
+
+
+def _columns(root: h5py.Group, given: Outline) -> Iterator[_Column]:
+    frames, places = len(given.frames), given.positions
+    # VTK knows three dimensions only: a plane lies at z = 0.
+    table = _table(root, "Points", frames, given.n_nodes, (3,), places.dtype)
+    yield _Column(table, given.n_nodes, ((places, 0),), 0.0)
+    nodal, cell = root.create_group("PointData"), root.create_group("CellData")
+    for field in given.nodal:
+        tail = (3,) if len(field.shape) == 3 else ()
+        table = _table(nodal, field.name, frames, given.n_nodes, tail, field.dtype)
+        yield _Column(table, given.n_nodes, ((field, 0),), 0.0)
+    n_cells = sum(given.elements.values())
+    begin = {"bars": 0, "faces": given.elements.get("bars", 0)}
+    for name, kinds in _cell_fields(given).items():
+        parts = tuple((field, begin[kind]) for kind, field in kinds.items())
+        table = _table(cell, name, frames, n_cells, parts[0][0].shape[2:], "f8")
+        yield _Column(table, n_cells, parts, np.nan)
+
+
 def _copy(root: h5py.Group, source: h5py.File, given: Outline) -> None:
     """Copy places and fields, block by block."""
-    n_cells = sum(given.elements.values())
-    tables: list[tuple[h5py.Dataset, dict[str, Field], int]] = []
-    places = given.positions
-    nodal, cell = root.create_group("PointData"), root.create_group("CellData")
-    count = len(given.frames)
-    tables.append((_table(root, "Points", count, given.n_nodes, (3,), places.dtype),
-                   {"": places}, given.n_nodes))  # fmt: skip
-    for field in given.nodal:
-        width = (3,) if len(field.shape) == 3 else ()
-        table = _table(nodal, field.name, count, given.n_nodes, width, field.dtype)
-        tables.append((table, {"": field}, given.n_nodes))
-    for name, kinds in _cell_fields(given).items():
-        field = next(iter(kinds.values()))
-        table = _table(cell, name, count, n_cells, field.shape[2:], "f8")
-        tables.append((table, kinds, n_cells))
-    starts = {"": 0, "bars": 0, "faces": given.elements.get("bars", 0)}
-    for table, kinds, width in tables:
-        for start, rows in _blocks(given, width * max(1, int(np.prod(table.shape[1:])))):
-            block = np.full(
-                (len(range(*rows.indices(given.frames.stop))), width, *table.shape[1:]),
-                0 if "" in kinds else np.nan,
-                dtype=table.dtype,
-            )
-            for kind, field in kinds.items():
-                values = source[field.path][rows]
-                span = slice(starts[kind], starts[kind] + values.shape[1])
-                if values.ndim == 3:
-                    block[:, span, : values.shape[2]] = values
-                else:
-                    block[:, span] = values
-            table[start * width : (start + len(block)) * width] = block.reshape(
-                -1, *table.shape[1:]
-            )
+    for column in _columns(root, given):
+        tail, rows = column.dataset.shape[1:], column.rows
+        for start, taken in _blocks(given, rows * math.prod(tail)):
+            count = len(range(*taken.indices(given.frames.stop)))
+            block = np.full((count, rows, *tail), column.empty, dtype=column.dataset.dtype)
+            for field, begin in column.parts:
+                values = source[field.path][taken]
+                window = block[:, begin : begin + values.shape[1]]
+                window[(..., slice(values.shape[2])) if values.ndim == 3 else ...] = values
+            column.dataset[start * rows : (start + count) * rows] = block.reshape(-1, *tail)
 
 
 def _table(
     group: h5py.Group, name: str, frames: int, rows: int, tail: tuple[int, ...], dtype: str
 ) -> h5py.Dataset:
     # Chunks of whole frames: a step is then read in few pieces.
-    row = rows * max(1, int(np.prod(tail))) * np.dtype(dtype).itemsize
+    row = rows * math.prod(tail) * np.dtype(dtype).itemsize
     chunk = rows * max(1, min(frames, _CHUNK_BYTES // max(1, row)))
     return group.create_dataset(
         name, shape=(frames * rows, *tail), dtype=dtype, chunks=(chunk, *tail)

@@ -209,7 +209,7 @@ class _Document:
         item = own.find("DataItem")
         numbers = [] if item is None else self.items.read(item).astype("f8").reshape(-1).tolist()
         if kind == "hyperslab" and len(numbers) == 3:
-            return numbers[0] + numbers[1] * np.arange(len(steps), dtype=np.float64)
+            return np.asarray(numbers[0] + numbers[1] * np.arange(len(steps)), dtype=np.float64)
         if kind == "list" and len(numbers) == len(steps):
             return np.array(numbers)
         raise self.wrong(
@@ -249,6 +249,15 @@ class _Part:
                 elif child.tag == "Geometry":
                     geometry = self._only(document, geometry, child)
                 elif child.tag == "Attribute":
+                    if child.get("ItemType") == "FiniteElementFunction":
+                        raise UnreadableFile(
+                            f"{child.get('Name')!r} is stored as a finite element function, by its "
+                            "degrees of freedom",
+                            expected="values at the points",
+                            fix="write it with XDMFFile.write(u, t) instead of write_checkpoint",
+                            file=document.path,
+                            key="Attribute",
+                        )
                     centre = (child.get("Center") or "Node").lower()
                     name = child.get("Name") or "unnamed"
                     if (centre, name) in self.attributes:
@@ -302,7 +311,9 @@ class _Frame:
                 "the grids of a step have points of their own", "one list of points for all"
             )
         self.same_points: object = keys.pop()
-        self.same_cells: tuple[object, ...] = tuple(document.key(part.topology) for part in self._parts)
+        self.same_cells: tuple[object, ...] = tuple(
+            document.key(part.topology) for part in self._parts
+        )
 
     def points(self) -> Array:
         geometry = self._parts[0].geometry
@@ -315,9 +326,10 @@ class _Frame:
                 "XYZ, XY, X_Y_Z or X_Y: places listed point by point",
             )
         columns = [self._document.items.read(item) for item in items]
-        if any(column.size % (dims if len(columns) == 1 else 1) for column in columns) or len(
-            {column.size for column in columns}
-        ) > 1:
+        if (
+            any(column.size % (dims if len(columns) == 1 else 1) for column in columns)
+            or len({column.size for column in columns}) > 1
+        ):
             raise self._document.wrong(
                 f"{' and '.join(str(c.size) for c in columns)} numbers for places {kind}",
                 "as many for every point",

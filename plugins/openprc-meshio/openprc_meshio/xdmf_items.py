@@ -166,9 +166,12 @@ class DataItems:
             )  # fmt: skip
         start, stride, count = numbers.reshape(3, rank)
         last = start + stride * (count - 1)
-        if (start < 0).any() or (stride < 1).any() or (count < 1).any() or (
-            last >= np.array(whole.shape)
-        ).any():
+        if (
+            (start < 0).any()
+            or (stride < 1).any()
+            or (count < 1).any()
+            or (last >= np.array(whole.shape)).any()
+        ):
             raise self._wrong(
                 f"a selection {numbers.tolist()} from {whole.shape}",
                 "a selection inside of it", "export it again",
@@ -231,7 +234,12 @@ class DataItems:
         kind = _KINDS.get(name)
         size = item.get("Precision") or str(_SIZES.get(name, 4))
         endian = _ENDIAN.get(item.get("Endian", "Native").lower())
-        if kind is None or endian is None or size not in ("1", "2", "4", "8") or kind + size == "f1":
+        if (
+            kind is None
+            or endian is None
+            or size not in ("1", "2", "4", "8")
+            or kind + size == "f1"
+        ):
             raise self._wrong(
                 f"numbers of type {name!r}, precision {size!r}, endian {item.get('Endian')!r}",
                 "Float, Int, UInt, Char or UChar of 1, 2, 4 or 8 bytes",

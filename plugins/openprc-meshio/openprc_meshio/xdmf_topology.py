@@ -103,9 +103,7 @@ def _named(shape: str, width: int) -> str:
 
 
 def _mixed(numbers: NDArray[np.int64], path: Path) -> tuple[Cells, ...]:
-    found: list[Cells] = []
-    run: list[NDArray[np.int64]] = []
-    current: tuple[str, int] | None = None
+    runs: list[tuple[str, int, list[NDArray[np.int64]]]] = []
     place = 0
     while place < len(numbers):
         shape, width = CODES.get(int(numbers[place]), ("", 0))
@@ -117,16 +115,11 @@ def _mixed(numbers: NDArray[np.int64], path: Path) -> tuple[Cells, ...]:
             place += 1
         if width < 1 or place + width > len(numbers):
             raise _damaged(path, f"a {shape} that ends behind the last number")
-        if (shape, width) != current and run:
-            assert current is not None
-            found.append(Cells(_named(*current), np.array(run)))
-            run = []
-        current = (shape, width)
-        run.append(numbers[place : place + width])
+        if not runs or runs[-1][:2] != (shape, width):
+            runs.append((shape, width, []))
+        runs[-1][2].append(numbers[place : place + width])
         place += width
-    if run and current is not None:
-        found.append(Cells(_named(*current), np.array(run)))
-    return tuple(found)
+    return tuple(Cells(_named(shape, width), np.array(rows)) for shape, width, rows in runs)
 
 
 def _damaged(path: Path, found: str) -> UnreadableFile:

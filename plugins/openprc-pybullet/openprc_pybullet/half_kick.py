@@ -149,9 +149,7 @@ class HalfKickLoop:
         self._power = self._powers()
 
     def _evaluate(self, side: str) -> None:
-        self.field(
-            self.positions, self.velocities, time=self.time, side=side, out=self._force
-        )
+        self.field(self.positions, self.velocities, time=self.time, side=side, out=self._force)
 
     def _powers(self) -> Reals:
         """Return the powers of the ledger [W], with what moving driven nodes takes."""

@@ -84,7 +84,11 @@ class NeutralWorld:
 
     def step(self, positions: Reals, forces: Reals) -> None:
         """Advance by one step under forces (N, 3) [N] on the nodes at `positions` (N, 3) [m]."""
-        push, frame, client = self._bullet.applyExternalForce, self._bullet.WORLD_FRAME, self._client
+        push, frame, client = (
+            self._bullet.applyExternalForce,
+            self._bullet.WORLD_FRAME,
+            self._client,
+        )
         at, by = positions[self.rows].tolist(), forces[self.rows].tolist()
         for body, point, force in zip(self._moving, at, by, strict=True):
             push(body, BASE, force, point, frame, client)
@@ -107,9 +111,7 @@ class NeutralWorld:
         bullet, client, body = self._bullet, self._client, self.bodies[row]
         # Placing a body takes its velocity away, so that comes second.
         bullet.resetBasePositionAndOrientation(body, position.tolist(), UPRIGHT, client)
-        bullet.resetBaseVelocity(
-            body, velocity.tolist(), (0.0, 0.0, 0.0), physicsClientId=client
-        )
+        bullet.resetBaseVelocity(body, velocity.tolist(), (0.0, 0.0, 0.0), physicsClientId=client)
 
 
 def neutralise(pybullet: ModuleType, client: int, *, step: float) -> None:

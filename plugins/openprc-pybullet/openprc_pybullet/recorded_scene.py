@@ -77,8 +77,7 @@ class Scene:
         for body in {owner[0] for part in self._parts for owner in part.nodes.owners}:
             low, high = connection.bullet.getAABB(body, -1, connection.client)
             sizes.append(float(np.linalg.norm(np.subtract(high, low))))
-        largest = max(size for size in sizes if np.isfinite(size)) if sizes else 0.0
-        return largest or 1.0
+        return max((size for size in sizes if np.isfinite(size)), default=0.0) or 1.0
 
     def declare(self, writer: TrajectoryWriter, first: Values, *, clock: Clock, every: int) -> None:
         """Declare everything but the inputs.

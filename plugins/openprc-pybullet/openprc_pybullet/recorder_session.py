@@ -159,12 +159,26 @@ class Session:
                 )
             self._take()
 
+    def flush(self) -> None:
+        """Make the frames so far safe against a crash; this happens by itself every 2 s or so.
+
+        Raises
+        ------
+        Diverged, ConfigError
+            See `step`.
+        """
+        if not self._running:
+            raise _over()
+        self._flush()
+        self._writer.commit()
+
     # --- one frame ------------------------------------------------------------------------
 
     def _command(self, commanded: dict[str, Any]) -> None:
         if self._signals is None:
             known = {spec.name for spec in self._specs}
-            new = [SignalSpec(name) for name in commanded if name not in known]
+            # Names that are new later on find no place: the frames before have no value.
+            new = [SignalSpec(k) for k in commanded if k not in known and self._steps == 0]
             for spec in new:
                 self._writer.note(f"the unit of the input {spec.name} was not told (signals)")
             self._specs = (*self._specs, *new)
@@ -231,7 +245,7 @@ class Session:
             return
         block = self._block[:rows]
         values = self._scene.values(block[:, 1:])
-        bad = self._guard.check(values.positions, values.velocities, values.channels, dt=self._dt)
+        bad = self._guard.check(values.positions, values.velocities, values.channels)
         self._append(block[:, 0], values, rows if bad is None else bad.row)
         left = self._filled - rows
         self._block[:left] = self._block[rows : self._filled]
@@ -294,26 +308,38 @@ class Session:
 
     def __enter__(self) -> Self:
         """Take the frame of the start."""
-        names = [f"openprc.body{body}" for body in self._bodies]
-        self._marks = [
-            (self._connection.mark(body, name), name.encode())
-            for body, name in zip(self._bodies, names, strict=True)
-        ]
+        self._marks: list[tuple[int, bytes]] = []
+        try:
+            for body in self._bodies:
+                name = f"openprc.body{body}"
+                self._marks.append((self._connection.mark(body, name), name.encode()))
+            self._begin()
+        except BaseException:
+            self._unmark()
+            raise
+        self._running = True
+        return self
+
+    def _begin(self) -> None:
         self._present = set(self._connection.body_ids())
         self._due = wall.monotonic() + BLOCK_SECONDS
         self._take()
         first = self._scene.values(self._block[:1, 1:])
-        reach = self._scene.reach(first.positions[0], self._connection)
         self._guard = Guard(
             first.positions[0],
-            reach=reach,
+            reach=self._scene.reach(first.positions[0], self._connection),
             labels=self._scene.labels,
             n_speeds=self._scene.n_speeds,
             limit=self._limit,
         )
+        bad = self._guard.check(first.positions, first.velocities, first.channels)
+        if bad is not None:
+            raise self._blown_up(bad, self.time, before=1)
         self._scene.declare(self._writer, first, clock=self._clock, every=self._every)
-        self._running = True
-        return self
+
+    def _unmark(self) -> None:
+        for mark, _ in self._marks:
+            self._connection.unmark(mark)
 
     def __exit__(
         self,
@@ -332,8 +358,7 @@ class Session:
             # What stopped the script says more; it goes on its way.
             self._writer.note(f"at the end of the recording: {problem.found}")
         finally:
-            for mark, _ in self._marks:
-                self._connection.unmark(mark)
+            self._unmark()
 
     def _finish(self) -> None:
         if self._specs:

@@ -75,9 +75,7 @@ class Runner:
 class _Frames:
     """Takes the steps between frames, and hands frames on in blocks."""
 
-    def __init__(
-        self, experiment: Experiment, loop: HalfKickLoop, recorder: FrameRecorder
-    ) -> None:
+    def __init__(self, experiment: Experiment, loop: HalfKickLoop, recorder: FrameRecorder) -> None:
         from openprc.demlat.models.barhinge.support import (  # noqa: PLC0415
             ESCAPE_FACTOR,
             scene_size,

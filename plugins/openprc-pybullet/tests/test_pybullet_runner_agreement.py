@@ -91,7 +91,7 @@ def test_every_number_is_that_of_velocity_verlet(pb_run):
     assert np.abs(theirs.positions() - theirs.positions()[0]).max() > 0.3
 
 
-# --- Hauser's network ----------------------------------------------------------------------------
+# --- Hauser's network -------------------------------------------------------
 
 
 def hauser(n_steps, *, seed=1, dt=1e-3, save_every=100):
@@ -199,7 +199,7 @@ def test_a_driven_network_agrees_to_rounding_for_long(pb_run):
     network_agrees(pb_run, 100_000)
 
 
-# --- against accurate references -------------------------------------------------------------------
+# --- against accurate references -------------------------------------------------------
 
 
 def falling_chain(n, *, stiffness, **times):
@@ -236,9 +236,7 @@ def accurate_chain(scene, times):
         return np.concatenate([v.ravel(), a.ravel()])
 
     start = np.concatenate([body.positions.ravel(), np.zeros(3 * n)])
-    solution = solve_ivp(
-        rhs, (0.0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13
-    )
+    solution = solve_ivp(rhs, (0.0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13)
     return solution.y[: 3 * n].T.reshape(-1, n, 3)
 
 

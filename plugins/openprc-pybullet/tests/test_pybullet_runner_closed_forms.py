@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from openprc.schema import Experiment
-from openprc.schema.geometry import Bars, Geometry
+from openprc.schema.experiment import Actuator, Signal
+from openprc.schema.geometry import Bars, Bends, Geometry
 
 pytest.importorskip("pybullet")
 
@@ -17,7 +18,7 @@ def oscillators(frequencies, *, amplitude, damping=0.0, **times):
     """One-dimensional oscillators of 1 kg side by side, at rest beside their rest lengths."""
     n = len(frequencies)
     anchors = np.array([[0.0, APART * row, 0.0] for row in range(n)])
-    positions = np.concatenate([anchors, anchors + [1.0 + amplitude, 0.0, 0.0]])
+    positions = np.concatenate([anchors, anchors + np.array([1.0 + amplitude, 0, 0])])
     bars = Bars(
         indices=[[row, row + n] for row in range(n)],
         stiffness=(2.0 * np.pi * np.asarray(frequencies)) ** 2,
@@ -40,7 +41,7 @@ def period_of(samples, spacing):
     return 2.0 * np.pi * spacing / np.arccos(cosine)
 
 
-# --- the oscillator ----------------------------------------------------------------------------
+# --- the oscillator -------------------------------------------------------
 
 
 @pytest.mark.parametrize("start", ["half-kick", "plain"])
@@ -48,9 +49,7 @@ def period_of(samples, spacing):
 def test_the_period_is_that_of_the_scheme(pb_run, start, h):
     """T / T0 = (w h / 2) / asin(w h / 2), for frequencies up to the stability limit."""
     frequencies = np.array([1.0, 10.0, 20.0, 40.0, 70.0])
-    scene = oscillators(
-        frequencies, amplitude=0.1, duration=1200 * h, dt=h, save_interval=h
-    )
+    scene = oscillators(frequencies, amplitude=0.1, duration=1200 * h, dt=h, save_interval=h)
     run = pb_run(scene, start=start)
     stretch = run.positions()[:, 5:, 0] - 1.0
     shift = period_of(stretch, h) * frequencies - 1.0
@@ -102,7 +101,7 @@ def test_order_with_damping(pb_run, start, order):
     assert errors[-1] < {2: 1e-5, 1: 1e-3}[order]
 
 
-# --- pendulums and chains ----------------------------------------------------------------------
+# --- pendulums and chains -------------------------------------------------------
 
 
 @pytest.mark.parametrize(("stiffness", "measured"), [(1e4, 4.9e-4), (5e4, 9e-5)])
@@ -158,9 +157,7 @@ def hanging_chain(n, *, stiffness, amplitude, **times):
             rest_length=length - tension / stiffness,
         ),
     )
-    scene = Experiment(
-        geometry=body, gravity=(0, 0, -GRAVITY), integrator="verlet", **times
-    )
+    scene = Experiment(geometry=body, gravity=(0, 0, -GRAVITY), integrator="verlet", **times)
     return scene, np.sqrt(GRAVITY / length * roots[0]), shape
 
 
@@ -178,3 +175,73 @@ def test_a_hanging_chain_swings_at_its_laguerre_frequency(pb_run, n, stiffness, 
     shift = 2.0 * np.pi / period_of(swing, 0.02) / omega - 1.0
     # The scheme is fast by (w h)^2 / 24; that the bars give makes a difference of less.
     assert shift == pytest.approx((omega * h) ** 2 / 24.0, abs=5e-8)
+
+
+# --- a beam of bars and bends -------------------------------------------------------
+
+#: A rod of 1 m and radius 2 cm, of 1 MPa and 1000 kg/m3: N, N m2 and kg/m.
+EA, EI, LINE = np.pi * 0.02**2 * 1e6, np.pi / 4.0 * 0.02**4 * 1e6, np.pi * 0.02**2 * 1e3
+
+
+def cantilever(n, *, shape=None, push=0.0, decay=0.0, **times):
+    """N segments, of which the first is clamped: bars EA / l, bends EI / l, mass at the nodes."""
+    link = 1.0 / n
+    masses = np.full(n + 1, LINE * link)
+    masses[[0, -1]] *= 0.5
+    height = np.zeros(n + 1) if shape is None else shape
+    body = Geometry(
+        positions=np.stack([link * np.arange(n + 1.0), np.zeros(n + 1), height], axis=1),
+        masses=masses,
+        fixed=np.arange(n + 1) < 2,
+        bars=Bars(
+            indices=[[i, i + 1] for i in range(n)],
+            stiffness=np.full(n, EA / link),
+            rest_length=np.full(n, link),
+        ),
+        bends=Bends(
+            indices=[[i - 1, i, i + 1] for i in range(1, n)], stiffness=np.full(n - 1, EI / link)
+        ),
+    )
+    return Experiment(
+        geometry=body,
+        signals={"tip": Signal(name="tip", values=[-push], dt=1.0, interpolation="hold")},
+        actuators=(
+            Actuator(node=n, signal="tip", type="force", axes=(False, False, True)),
+        ),
+        damping=decay * masses.mean(),
+        integrator="verlet",
+        **times,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("n", "measured"), [(5, 0.00954815), (10, 0.01133812)])
+def test_a_cantilever_settles_where_two_other_simulators_do(pb_run, n, measured):
+    """PyElastica (shear taken off) and a multibody of revolute joints give these deflections."""
+    force = 0.005
+    run = pb_run(cantilever(n, push=force, decay=2.5, duration=24.0, dt=2e-3, save_interval=0.5))
+    tip = -run.positions()[:, n, 2]
+    assert np.ptp(tip[-4:]) < 1e-9
+    assert tip[-1] == pytest.approx(measured, rel=1e-5, abs=0)
+    # Linear: segments that turn at nodes; the rest is that the beam shortens as it bends.
+    linear = force / (3.0 * EI) * (1.0 - 1.5 / n + 0.5 / n**2)
+    assert tip[-1] == pytest.approx(linear, rel=2e-4)
+    assert tip[-1] < linear
+
+
+def test_the_first_bending_frequency_of_a_chain(pb_run):
+    """The eigenvalue of ten segments: 0.195729 Hz (a continuous beam has 0.176958 Hz)."""
+    n, link = 10, 0.1
+    turn = np.zeros((n - 1, n + 1))
+    for row in range(n - 1):
+        turn[row, row : row + 3] = np.array([1.0, -2.0, 1.0]) / link
+    stiffness = (EI / link * turn.T @ turn)[2:, 2:]
+    masses = np.full(n - 1, LINE * link)
+    masses[-1] *= 0.5
+    squares, modes = np.linalg.eigh(stiffness / np.sqrt(np.outer(masses, masses)))
+    frequency = np.sqrt(squares[0]) / (2.0 * np.pi)
+    assert frequency == pytest.approx(0.195729, abs=5e-7)
+    mode = modes[:, 0] / np.sqrt(masses)
+    shape = 1e-5 * np.concatenate([[0.0, 0.0], mode / np.abs(mode).max()])
+    run = pb_run(cantilever(n, shape=shape, duration=6.0, dt=2e-3, save_interval=0.05))
+    swing = run.positions()[:, 2:, 2] @ (masses * mode)
+    assert 1.0 / period_of(swing, 0.05) == pytest.approx(frequency, rel=2e-6)

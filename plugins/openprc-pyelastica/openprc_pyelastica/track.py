@@ -58,7 +58,7 @@ class Track:
             if time == self.last:
                 return False
             raise ConfigError(
-                f"{self.body.name} is at t = {time:.17g} s after t = {self.last:.17g} s",
+                f"{self.body.name} is at t = {time:.12g} s after t = {self.last:.12g} s",
                 expected="a loop whose time grows",
                 fix="pass the time that step() returned on to the next step(); record a second "
                 "run to a file of its own",

@@ -1,0 +1,6 @@
+"""The faulty producers of this folder are modules that other processes import, too."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
