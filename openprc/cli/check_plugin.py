@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
 from typing import TYPE_CHECKING
 
 import click
 
-from openprc.cli.console import console, json_option, print_json, spinner, table
+from openprc.cli.console import console, json_option, print_json, progress_bar, table
 from openprc.hooks.registry import default_registry
 
 if TYPE_CHECKING:
     from openprc.testing import CaseReport, Report
+    from openprc.testing.cases import Case
 
 _WORDS = {"passed": "ok", "failed": "FAILED", "skipped": "left out", "expected": "as expected"}
 
@@ -33,10 +35,26 @@ def command(
     recorder needs, is known to the plugin's own tests only, which run the same checks.
     """
     # The kit loads what it drives; listing commands must not.
-    from openprc.testing import check_distribution  # noqa: PLC0415
+    from openprc.testing import all_checks, cases_of, check_distribution, checks_for  # noqa: PLC0415
 
-    with spinner(f"checking {name}", hidden=as_json):
-        report = check_distribution(name, checks=wanted, registry=default_registry())
+    known = {part for check in all_checks() for part in (check.id, check.family)}
+    stray = sorted(set(wanted) - known)
+    if stray:
+        near = difflib.get_close_matches(stray[0].upper(), sorted(known), n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise click.BadParameter(f"there is no check {stray[0]!r}.{hint}", param_hint="--check")
+    registry = default_registry()
+    cases = cases_of(name, registry=registry)
+    total = sum(len(checks_for(case)) for case in cases)
+    done = 0
+    with progress_bar(f"checking {name}", hidden=as_json) as progress:
+
+        def tell(case: Case, check: str, says: str) -> None:
+            nonlocal done
+            progress(done / total, f"{case.name}: {check}, {says}")
+            done += 1
+
+        report = check_distribution(name, cases=cases, registry=registry, wanted=wanted, told=tell)
     if as_json:
         print_json(report.as_dict())
     else:
@@ -46,6 +64,12 @@ def command(
 
 def _show(report: Report, *, show_all: bool) -> None:
     out = console()
+    if not report.cases:
+        out.print(
+            f"{report.distribution} {report.version} registers no importer with a sample, runner, "
+            "recorder or exporter: there is nothing that the kit checks"
+        )
+        return
     out.print(
         table(
             ["record", "kind", "passed", "failed", "expected", "left out"],

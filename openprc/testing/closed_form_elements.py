@@ -101,7 +101,7 @@ def hinge(dt: float) -> Scene:
             ),
             hinges=bodies.hinges(indices=[[0, 1, 2, 3]], stiffness=[torsion], rest_angle=[rest]),
         ),
-        duration=2.0, dt=1e-4 * dt, save_interval=0.02,
+        duration=1.6, dt=2.5e-4 * dt, save_interval=0.02,
     )  # fmt: skip
 
     def exact(times: Array) -> Array:
@@ -133,7 +133,7 @@ def bend(dt: float) -> Scene:
                       rest_length=[_INERTIA_ARM, _INERTIA_ARM]),
             bends=bodies.bends(indices=[[0, 1, 2]], stiffness=[torsion]),
         ),
-        duration=2.0, dt=1e-4 * dt, save_interval=0.02,
+        duration=1.6, dt=2.5e-4 * dt, save_interval=0.02,
     )  # fmt: skip
 
     def exact(times: Array) -> Array:

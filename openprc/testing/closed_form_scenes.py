@@ -186,7 +186,7 @@ def pendulum(dt: float, *, rigid: bool = False) -> Scene:
                 indices=[[0, 1]], stiffness=[5e4], rest_length=[length], rigid=[rigid]
             ),
         ),
-        duration=4.0, dt=2.5e-4 * dt, save_interval=0.02, gravity=(0.0, 0.0, -GRAVITY),
+        duration=3.0, dt=5e-4 * dt, save_interval=0.02, gravity=(0.0, 0.0, -GRAVITY),
         integrator="rattle" if rigid else "rk4",
     )  # fmt: skip
     return Scene(experiment, _still(places, moving, node=1), length)

@@ -131,7 +131,9 @@ def test_wrong_elements_are_refused(writer, case):
         writer.declare_elements("bars", indices, **options)
 
 
-@pytest.mark.parametrize(("kind", "count"), [("bars", 3), ("faces", 4), ("hinges", 3)])
+@pytest.mark.parametrize(
+    ("kind", "count"), [("bars", 3), ("bends", 4), ("faces", 4), ("hinges", 3)]
+)
 def test_kinds_of_the_contract_have_their_number_of_nodes(writer, kind, count):
     writer.declare_nodes(5, 3, unit="m")
     with pytest.raises(SchemaError, match=f"{count} nodes an element"):

@@ -49,7 +49,7 @@ def tip_deflection(n, force):
 def crooked_chain(n, *, seed=0, damping=0.0, fixed=(), rest="bent", speed=1.0):
     """Return a chain in space that nothing makes symmetric."""
     rng = np.random.default_rng(seed)
-    steps = rng.standard_normal((n - 1, 3)) + [2.0, 0.0, 0.0]
+    steps = rng.standard_normal((n - 1, 3)) + np.array([2.0, 0.0, 0.0])
     positions = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
     first = np.arange(n - 1)
     held = np.isin(np.arange(n), fixed)

@@ -165,7 +165,7 @@ def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
             code="PLAN-LOOSE-NODE",
             level="warning",
             path="nodes/positions",
-            found=f"no element holds node {list_some(loose)}"
+            found=f"no bar or hinge holds node {list_some(loose)}"
             + (", which falls freely" if falls else ""),
             expected="an element at every node that moves",
             fix="connect, fix or remove it",

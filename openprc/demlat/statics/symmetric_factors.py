@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _SHIFT = 1e-11
 #: A solution that leaves more than this share of the right-hand side calls for row exchanges.
 _TRUSTED = 1e-6
+#: A pivot this many times the largest diagonal entry comes from one that vanished before it.
+_GROWTH = 1e4
 #: Unknowns up to which eigenvalues are computed one by one where pivots do not tell.
 _SMALL = 3000
 
@@ -96,6 +98,8 @@ def _unpivoted(matrix: sparse.csr_array) -> SuperLU | None:
 
 def _leaves_little(matrix: sparse.csr_array, factors: SuperLU) -> bool:
     """Tell whether a solution is good to some digits although no rows were exchanged."""
+    if np.abs(factors.U.diagonal()).max() > _GROWTH * diagonal_scale(matrix):
+        return False
     right = np.cos(np.arange(matrix.shape[0], dtype=np.float64))  # no symmetry favours it
     found = factors.solve(right)
     left = np.abs(right - matrix @ found).max()

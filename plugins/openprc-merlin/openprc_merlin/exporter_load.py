@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: "5 z" in imported runs, "node 4 xz" in those of an experiment.
-_OURS = re.compile(r"(\d+) ([xyz])\Z")
+#: "5 z" in quasi-static runs, after the label of the node; "node 4 xz" in simulated ones.
+_IMPOSED = re.compile(r"(.+) ([xyz])\Z")
 _EXPERIMENT = re.compile(r"node (\d+) ([xyz]+)\Z")
 
 
@@ -82,16 +82,19 @@ def _held(trajectory: Trajectory, n_nodes: int) -> NDArray[np.bool_]:
 
 
 def _imposed(trajectory: Trajectory) -> Ints | None:
-    """Return the imposed degrees of freedom of an imported run, from the names of columns."""
+    """Return the imposed degrees of freedom of a quasi-static run, from the names of columns."""
+    # Nodes are named by their labels, which count from 1 in imported runs; else by their index.
+    labelled = trajectory.has("/topology/nodes/label")
+    labels = trajectory.node("label").tolist() if labelled else range(trajectory.n_nodes)
+    index = {str(label): node for node, label in enumerate(labels)}
     for names in (
         trajectory.input("displacement").columns if "displacement" in trajectory.inputs else (),
         trajectory.channel_columns("reaction") if "reaction" in trajectory.channels else (),
     ):
-        found = [_OURS.match(name) for name in names]
-        if found and all(found):
-            dofs = [3 * (int(m[1]) - 1) + "xyz".index(m[2]) for m in found if m]
-            if max(dofs) < 3 * trajectory.n_nodes:
-                return np.array(dofs, dtype=np.int64)
+        found = [_IMPOSED.match(name) for name in names]
+        if found and all(m and m[1] in index for m in found):
+            dofs = [3 * index[m[1]] + "xyz".index(m[2]) for m in found if m]
+            return np.array(dofs, dtype=np.int64)
     return None
 
 

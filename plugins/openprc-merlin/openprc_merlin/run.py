@@ -218,7 +218,9 @@ def write(run: Run, writer: TrajectoryWriter, *, instants: Floats, unit: str, ki
             lengths = geometry.bar_lengths(positions, run.bars)
             elements["bars", "length"] = lengths
             if run.bar_rest is not None:
-                elements["bars", "strain"] = (lengths - run.bar_rest) / run.bar_rest
+                strain = lengths - run.bar_rest
+                strain /= run.bar_rest
+                elements["bars", "strain"] = strain
         if run.hinges is not None:
             angles = geometry.dihedral_angles(positions, run.hinges)
             elements["hinges", "angle"] = unwrap(angles)

@@ -161,7 +161,7 @@ def elements(
         place = {tuple(sorted(pair)): b for b, pair in enumerate(bars.tolist())}
         on = np.array([place.get(tuple(sorted(pair)), -1) for pair in rows[:, :2].tolist()])
         bar_code[on[on >= 0]] = code[on >= 0]
-        crease = np.where(on >= 0, length[on], crease)
+        crease[on >= 0] = length[on[on >= 0]]
         if (on < 0).any():
             notes.append(f"{int((on < 0).sum())} hinges lie on no bar")
     rest, stiffness = (

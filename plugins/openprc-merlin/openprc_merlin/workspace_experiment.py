@@ -88,7 +88,8 @@ def workspace_experiment(
     >>> from openprc_merlin.samples import write_sample
     >>> from openprc_merlin.workspace_experiment import workspace_experiment
     >>> with TemporaryDirectory() as folder:
-    ...     experiment = workspace_experiment(write_sample(Path(folder)).path, unit="mm")
+    ...     sample = write_sample(Path(folder))
+    ...     experiment = workspace_experiment(sample.path, unit="mm", c0=1e6)
     >>> experiment.geometry.n_nodes
     4
     """

@@ -6,6 +6,7 @@ import struct
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 from openprc_merlin import openprc_producers, samples
@@ -91,3 +92,61 @@ def raw_matrix():
 @pytest.fixture
 def raw_element():
     return element
+
+
+def put_v73(group, name, value, refs):
+    """Store one value as MATLAB v7.3 does."""
+    if isinstance(value, dict):
+        child = group.create_group(name)
+        child.attrs["MATLAB_class"] = np.bytes_(b"struct")
+        for key, item in value.items():
+            put_v73(child, key, item, refs)
+        return
+    if isinstance(value, str):
+        codes = np.array([[ord(c)] for c in value], "u2")
+        item = group.create_dataset(name, data=codes)
+        item.attrs["MATLAB_class"] = np.bytes_(b"char")
+        item.attrs["MATLAB_int_decode"] = np.int32(2)
+        return
+    value = np.asarray(value)
+    if value.dtype == object:
+        cells = group.create_dataset(name, (1, value.size), dtype=h5py.ref_dtype)
+        for index, cell in enumerate(value.ravel()):
+            put_v73(refs, f"c{len(refs)}", cell, refs)
+            cells[0, index] = refs[f"c{len(refs) - 1}"].ref
+        cells.attrs["MATLAB_class"] = np.bytes_(b"cell")
+        return
+    if value.size == 0:
+        item = group.create_dataset(name, data=np.array(value.shape, "u8"))
+        item.attrs["MATLAB_empty"] = np.uint8(1)
+    elif value.dtype.kind == "c":
+        pairs = np.empty(value.T.shape, [("real", "f8"), ("imag", "f8")])
+        pairs["real"], pairs["imag"] = value.T.real, value.T.imag
+        item = group.create_dataset(name, data=pairs)
+    else:
+        item = group.create_dataset(name, data=np.atleast_2d(value).T)
+    item.attrs["MATLAB_class"] = np.bytes_(b"double")
+
+
+def v73_file(path, variables):
+    with h5py.File(path, "w", userblock_size=512) as file:
+        refs = file.create_group("#refs#")
+        for name, value in variables.items():
+            put_v73(file, name, value, refs)
+        handle = file["truss"].create_group("CM") if "truss" in file else None
+        if handle is not None:
+            handle.attrs["MATLAB_class"] = np.bytes_(b"function_handle")
+            put_v73(handle, "function_handle", {"function": "@(Ex)Ogden(Ex,1e4)"}, refs)
+            sparse = file["truss"].create_group("B")
+            sparse.attrs["MATLAB_class"] = np.bytes_(b"double")
+            sparse.attrs["MATLAB_sparse"] = np.uint64(5)
+            sparse["ir"] = np.zeros(3, "u8")
+    header = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    with path.open("r+b") as stream:
+        stream.write(header)
+
+
+@pytest.fixture
+def write_v73():
+    """Write variables to a file in the layout of MATLAB v7.3."""
+    return v73_file

@@ -243,59 +243,7 @@ def test_octave_text_is_recognised_by_its_names(tmp_path):
 # --- HDF5 ----------------------------------------------------------------------------------
 
 
-def put_v73(group, name, value, refs):
-    """Store one value as MATLAB v7.3 does."""
-    if isinstance(value, dict):
-        child = group.create_group(name)
-        child.attrs["MATLAB_class"] = np.bytes_(b"struct")
-        for key, item in value.items():
-            put_v73(child, key, item, refs)
-        return
-    if isinstance(value, str):
-        codes = np.array([[ord(c)] for c in value], "u2")
-        item = group.create_dataset(name, data=codes)
-        item.attrs["MATLAB_class"] = np.bytes_(b"char")
-        item.attrs["MATLAB_int_decode"] = np.int32(2)
-        return
-    value = np.asarray(value)
-    if value.dtype == object:
-        cells = group.create_dataset(name, (1, value.size), dtype=h5py.ref_dtype)
-        for index, cell in enumerate(value.ravel()):
-            put_v73(refs, f"c{len(refs)}", cell, refs)
-            cells[0, index] = refs[f"c{len(refs) - 1}"].ref
-        cells.attrs["MATLAB_class"] = np.bytes_(b"cell")
-        return
-    if value.size == 0:
-        item = group.create_dataset(name, data=np.array(value.shape, "u8"))
-        item.attrs["MATLAB_empty"] = np.uint8(1)
-    elif value.dtype.kind == "c":
-        pairs = np.empty(value.T.shape, [("real", "f8"), ("imag", "f8")])
-        pairs["real"], pairs["imag"] = value.T.real, value.T.imag
-        item = group.create_dataset(name, data=pairs)
-    else:
-        item = group.create_dataset(name, data=np.atleast_2d(value).T)
-    item.attrs["MATLAB_class"] = np.bytes_(b"double")
-
-
-def write_v73(path, variables):
-    with h5py.File(path, "w", userblock_size=512) as file:
-        refs = file.create_group("#refs#")
-        for name, value in variables.items():
-            put_v73(file, name, value, refs)
-        handle = file["truss"].create_group("CM") if "truss" in file else None
-        if handle is not None:
-            handle.attrs["MATLAB_class"] = np.bytes_(b"function_handle")
-            put_v73(handle, "function_handle", {"function": "@(Ex)Ogden(Ex,1e4)"}, refs)
-            sparse = file["truss"].create_group("B")
-            sparse.attrs["MATLAB_class"] = np.bytes_(b"double")
-            sparse.attrs["MATLAB_sparse"] = np.uint64(5)
-            sparse["ir"] = np.zeros(3, "u8")
-    header = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
-    with path.open("r+b") as stream:
-        stream.write(header)
-
-
-def test_v73_is_the_same_run(tmp_path, mat, load, space):
+def test_v73_is_the_same_run(tmp_path, mat, load, space, write_v73):
     path = tmp_path / "v73.mat"
     write_v73(path, space)
     assert Importer().sniff(path) == 1.0
@@ -308,7 +256,7 @@ def test_v73_is_the_same_run(tmp_path, mat, load, space):
     assert one.element_static("hinges", "kind_code").tolist() == [1]  # bend was an empty [0, 4]
 
 
-def test_v73_complex_numbers_and_null_references(tmp_path):
+def test_v73_complex_numbers_and_null_references(tmp_path, write_v73):
     path = tmp_path / "v73.mat"
     write_v73(path, {"Uhis": np.array([[1 + 0.5j, 2.0]]), "Panel": np.empty((1, 0), object)})
     with h5py.File(path, "r+") as file:

@@ -44,15 +44,16 @@ class Motion:
         self._series, self._roles = series, roles
         self._path = series.path
         first = series.frames[0]
-        self._rest = first.points().astype(np.float64)
-        self._wide = self._rest.shape[1]
-        if len(self._rest) == 0 or self._wide not in (2, 3):
+        points = first.points()
+        if points.ndim != 2 or not len(points) or points.shape[1] not in (2, 3):
             raise UnreadableFile(
-                f"{len(self._rest)} points in {self._wide} dimensions",
+                f"points of shape {points.shape} in the first frame",
                 expected="points in 2 or 3 dimensions",
                 fix="export the mesh with its points",
                 file=self._path,
             )
+        self._rest = points.astype(np.float64)
+        self._wide = points.shape[1]
         for name in (roles.displacement, roles.velocity):
             if name is not None:
                 self._wide = max(self._wide, first.point_field(name).shape[1])
@@ -114,10 +115,9 @@ class Motion:
             return self._rest
         points = frame.points().astype(np.float64)
         self._identity.check_count(frame, index, len(points))
-        if points.shape[1] != self._rest.shape[1]:
+        if points.shape[1:] != self._rest.shape[1:]:
             raise UnreadableFile(
-                f"frame {index} has points in {points.shape[1]} dimensions, the first in "
-                f"{self._rest.shape[1]}",
+                f"frame {index} has points of shape {points.shape}, the first {self._rest.shape}",
                 expected="one number of dimensions",
                 fix="export the series again",
                 file=self._path,
@@ -311,8 +311,17 @@ class Motion:
                 key="channels",
             )
         values = cell_values(frame, kept.name)
+        values = {s: a for s, a in values.items() if s in dict(self.elements[kind].cells)}
         for array in values.values():
             check_values(array, kept.name, index, self._path)
+        if len({array.shape[1:] for array in values.values()}) > 1:
+            raise UnreadableFile(
+                f"the cell field {kept.name!r} of frame {index} is not equally wide for all {kind}",
+                expected="as many numbers for every cell",
+                fix="leave it out of the option channels",
+                file=self._path,
+                key="channels",
+            )
         values = {s: (a[order[s]] if s in order else a) for s, a in values.items()}
         return self.elements[kind].values(values)
 

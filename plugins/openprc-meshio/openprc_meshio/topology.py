@@ -44,8 +44,7 @@ class Elements:
 
     def values(self, fields: Mapping[str, Array]) -> Array:
         """Return a field of the cells as one of the elements; NaN where it has no value."""
-        widths = {array.shape[1:] for array in fields.values()}
-        tail = widths.pop() if len(widths) == 1 else ()
+        tail = next((fields[s].shape[1:] for s, _ in self.cells if s in fields), ())
         parts = [
             fields[shape][rows].astype(np.float64)
             if shape in fields

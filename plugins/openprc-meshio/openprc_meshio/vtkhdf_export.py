@@ -61,6 +61,9 @@ class VtkhdfExporter:
             root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", 8))
             for key, value in given.remarks.items():
                 root.attrs[key] = value
+            for name, kinds in _cell_fields(given).items():
+                for kind, field in kinds.items():
+                    root.attrs[f"openprc.unit.{kind}.{name}"] = field.unit
             _write_cells(root, trajectory, given)
             _write_steps(root, trajectory.time, given)
             _copy(root, source, given)

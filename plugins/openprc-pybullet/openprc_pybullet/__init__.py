@@ -20,6 +20,23 @@ OPTIONS = (
         default=(),
     ),
     OptionSpec(
+        "urdf_flags",
+        help="flags with which the script loaded the models, where they change links or masses",
+        multiple=True,
+        default=(),
+        choices=(
+            "URDF_USE_INERTIA_FROM_FILE",
+            "URDF_MAINTAIN_LINK_ORDER",
+            "URDF_MERGE_FIXED_LINKS",
+        ),
+    ),
+    OptionSpec(
+        "urdf_scale",
+        help="globalScaling with which the script loaded the models",
+        kind="float",
+        default=1.0,
+    ),
+    OptionSpec(
         "bodies",
         help="unique ids of the bodies to import; all that move or have joints when left out",
         kind="int",

@@ -62,6 +62,7 @@ class HalfKickLoop:
         self.half_kick = half_kick
         self.step = experiment.save_interval / experiment.steps_per_frame
         self.number = 0
+        self._kick = 0.5 * self.step if half_kick else 0.0
         held = experiment.held_axes
         self._free = (~held).astype(np.float64)
         masses = np.where(held.all(axis=1), 0.0, geometry.masses)
@@ -80,8 +81,7 @@ class HalfKickLoop:
         self._evaluate("after")
         self._acceleration = self._force * self._inverse_mass
         np.multiply(self._force, self._free, out=self._push)
-        back = 0.5 * self.step if half_kick else 0.0
-        self._drift[...] = self.velocities - back * self._acceleration
+        self._drift[...] = self.velocities - self._kick * self._acceleration
         self._power = self._powers()
         self._driven_energy = self._energy_of_driven()
         self.world = NeutralWorld(
@@ -100,43 +100,47 @@ class HalfKickLoop:
 
     def advance(self, count: int) -> None:
         """Take `count` steps; after the last one velocities are up to date."""
-        always = self.field.needs_velocities
-        for done in range(1, count + 1):
-            self._advance(with_velocities=always or done == count)
+        coasting = 0 if self.field.needs_velocities else count - 1
+        for _ in range(coasting):
+            self._coast()
+        for _ in range(count - coasting):
+            self._advance()
 
-    def _advance(self, *, with_velocities: bool) -> None:
-        world, field, half = self.world, self.field, 0.5 * self.step
+    def _coast(self) -> None:
+        """Take a step in which nothing depends on velocities, and nothing is driven."""
+        self.world.step(self.positions, self._push)
+        self.number += 1
+        self.world.read_positions(self.positions)
+        self.field(self.positions, self.velocities, out=self._push)
+
+    def _advance(self) -> None:
+        world, field = self.world, self.field
         world.step(self.positions, self._push)
         self.number += 1
         world.read_positions(self.positions)
-        if with_velocities:
-            world.read_velocities(self._drift)
-        side = "after"
-        kick = 0.0
-        if self.half_kick:
-            side, kick = "before", half
-        np.multiply(self._acceleration, kick, out=self.velocities)
-        self.velocities += self._drift
-        field.place(self.positions, self.velocities, time=self.time, side=side)
-        self._evaluate(side)
+        world.read_velocities(self._drift)
+        self._synchronise()  # with the acceleration of the last step: a prediction
+        self._evaluate("before")
         np.multiply(self._force, self._inverse_mass, out=self._acceleration)
         np.multiply(self._force, self._free, out=self._push)
-        if not with_velocities:
-            return
         power = self._powers()
-        self.ledger += half * (self._power + power)
+        self.ledger += 0.5 * self.step * (self._power + power)
         self._power = power
-        np.multiply(self._acceleration, kick, out=self.velocities)
-        self.velocities += self._drift
-        field.place(self.positions, self.velocities, time=self.time, side=side)
-        if self.half_kick and field.may_jump(self.time):
+        self._synchronise()
+        if field.may_jump(self.time):
             self._cross_jump()
         for row in self._driven_rows:
             self._drift[row] = np.where(self._driven[row], self.velocities[row], self._drift[row])
             world.put(row, self.positions[row], self._drift[row])
 
+    def _synchronise(self) -> None:
+        """Bring velocities from the middle of the last step to its end."""
+        np.multiply(self._acceleration, self._kick, out=self.velocities)
+        self.velocities += self._drift
+        self.field.place(self.positions, self.velocities, time=self.time, side="before")
+
     def _cross_jump(self) -> None:
-        """Let half of the kick be that of before a jump, and half that of after it."""
+        """Go on with the force after a jump; half of a full kick is that of before it."""
         field, before = self.field, self.positions.copy()
         field.place(self.positions, self.velocities, time=self.time)
         if not np.array_equal(before, self.positions):
@@ -144,8 +148,9 @@ class HalfKickLoop:
             self.ledger[0] += gained - field.energies(before, self.velocities)[1:].sum()
         self._evaluate("after")
         np.multiply(self._force, self._inverse_mass, out=self._acceleration)
-        self._push += self._force * self._free
-        self._push *= 0.5
+        share = 0.5 if self.half_kick else 0.0
+        self._push *= share
+        self._push += (1.0 - share) * self._force * self._free
         self._power = self._powers()
 
     def _evaluate(self, side: str) -> None:

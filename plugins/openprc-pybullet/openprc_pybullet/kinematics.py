@@ -22,13 +22,18 @@ from openprc_pybullet.client import direct_client, quiet
 #: Joint types as PyBullet numbers them.
 REVOLUTE, PRISMATIC, FIXED = 0, 1, 4
 _MOVING = (REVOLUTE, PRISMATIC)
+#: Flags of loadURDF that turn the frame of the base, or number the links in another order.
+_TELLING_FLAGS = ("URDF_USE_INERTIA_FROM_FILE", "URDF_MAINTAIN_LINK_ORDER")
 
 
-def match_models(entries: Sequence[str], bodies: Sequence[int], *, log: Path) -> dict[int, Path]:
+def match_models(
+    entries: Sequence[str], bodies: Sequence[int], *, log: Path, if_absent: str = "correct the id"
+) -> dict[int, Path]:
     """Read ``ID=PATH`` entries, or one bare ``PATH`` when one body is imported.
 
     A relative path is looked for from the working directory, then beside the log, then among
-    the models that come with PyBullet.
+    the models that come with PyBullet. `if_absent` says what to do about a body that the log
+    lacks.
 
     Raises
     ------
@@ -58,7 +63,7 @@ def match_models(entries: Sequence[str], bodies: Sequence[int], *, log: Path) ->
             raise ConfigError(
                 f"body {body} {what}",
                 expected=f"each of {listed} at most once",
-                fix="correct the id",
+                fix="correct the id" if body in found else if_absent,
                 file=log,
                 key="urdf",
             )
@@ -114,17 +119,30 @@ class Model:
     links : tuple of Link
     moving : tuple of int
         Link indices of the revolute and prismatic joints, in the order of ``q0, q1, ...``.
+    undecided : tuple of str
+        Flags that would move the links, and that the log does not show.
     """
 
-    def __init__(self, path: Path, *, body: int, n_joints: int) -> None:
-        """Keep what to load; entering the context loads it."""
+    def __init__(
+        self,
+        path: Path,
+        *,
+        body: int,
+        n_joints: int,
+        flags: Sequence[str] = (),
+        scale: float = 1.0,
+    ) -> None:
+        """Keep what to load, and how; entering the context loads it."""
         self.path = path
         self.body = body
         self.n_joints = n_joints
+        self.flags = tuple(flags)
+        self.scale = scale
         self.base_name = ""
         self.base_mass = 0.0
         self.links: tuple[Link, ...] = ()
         self.moving: tuple[int, ...] = ()
+        self.undecided: tuple[str, ...] = ()
 
     def __enter__(self) -> Self:
         """Start the server and load the model."""
@@ -224,6 +242,7 @@ class Model:
             links.append(Link(info[12].decode(), mass, info[16], info[1].decode(), info[2]))
         self.links = tuple(links)
         self.moving = tuple(i for i, link in enumerate(links) if link.joint_type in _MOVING)
+        self.undecided = self._telling_flags()
 
     def _load_bodies(self, p: ModuleType, client: int) -> list[int]:
         name = str(self.path)
@@ -233,8 +252,7 @@ class Model:
             if self.path.suffix.lower() in (".xml", ".mjcf"):
                 return list(p.loadMJCF(name, physicsClientId=client))
             # Meshes are often not where the model says, and kinematics does without them.
-            flags = p.URDF_IGNORE_VISUAL_SHAPES | p.URDF_IGNORE_COLLISION_SHAPES
-            return [p.loadURDF(name, flags=flags, physicsClientId=client)]
+            return [self._load_urdf(p, client, self.flags)]
         except p.error as error:
             raise UnreadableFile(
                 f"PyBullet cannot load the model: {error}",
@@ -243,6 +261,38 @@ class Model:
                 file=self.path,
                 key=f"body {self.body}",
             ) from error
+
+    def _load_urdf(self, p: ModuleType, client: int, flags: Sequence[str]) -> int:
+        bits = p.URDF_IGNORE_VISUAL_SHAPES | p.URDF_IGNORE_COLLISION_SHAPES
+        for flag in flags:
+            bits |= getattr(p, flag)
+        body: int = p.loadURDF(
+            str(self.path), flags=bits, globalScaling=self.scale, physicsClientId=client
+        )
+        return body
+
+    def _telling_flags(self) -> tuple[str, ...]:
+        """Return the flags with which base frame or order of links would be different."""
+        if self.path.suffix.lower() != ".urdf":
+            return ()
+        p, c = self._bullet, self._client
+        found = []
+        for flag in _TELLING_FLAGS:
+            if flag in self.flags:
+                continue
+            with quiet():
+                other = self._load_urdf(p, c, (*self.flags, flag))
+            if self._shape_of(other) != self._shape_of(self._id):
+                found.append(flag)
+            p.removeBody(other, physicsClientId=c)
+        return tuple(found)
+
+    def _shape_of(self, item: int) -> tuple[Any, ...]:
+        p, c = self._bullet, self._client
+        joints = range(p.getNumJoints(item, physicsClientId=c))
+        names = tuple(p.getJointInfo(item, joint, physicsClientId=c)[1] for joint in joints)
+        frame = p.getDynamicsInfo(item, -1, physicsClientId=c)[4]
+        return names, tuple(round(value, 9) for value in frame)
 
     def _count(self, item: Any) -> int:
         p, c = self._bullet, self._client

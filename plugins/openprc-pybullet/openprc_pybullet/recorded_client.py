@@ -62,9 +62,9 @@ class Connection:
         """
         return int(self.bullet.addUserData(body, name, name, physicsClientId=self.client))
 
-    def unmark(self, mark: int) -> None:
+    def unmark(self, mark: int, name: bytes) -> None:
         """Take a mark away, if the server and the body are still there."""
-        if self.is_open and self.bullet.getUserData(mark, self.client) is not None:
+        if self.is_open and self.bullet.getUserData(mark, self.client) == name:
             self.bullet.removeUserData(mark, physicsClientId=self.client)
 
 

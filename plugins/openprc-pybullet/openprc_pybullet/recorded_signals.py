@@ -23,6 +23,8 @@ from openprc.schema import TrajectoryWriter
 
 #: The value comes with every ``session.step(name=value)``.
 GIVEN = "given"
+#: Slack, in symbols, within which a time counts as the beginning of the next one.
+_SLACK = 1e-6
 _KEYS = ("value", "unit", "quantity", "columns", "targets", "sequence", "hold", "start")
 
 
@@ -63,7 +65,14 @@ def read_signals_option(given: Mapping[str, Any] | None) -> tuple[SignalSpec, ..
     ConfigError
         When a key is unknown or a value is of no use.
     """
-    return tuple(_spec(str(name), value) for name, value in dict(given or {}).items())
+    if not isinstance(given, Mapping | None):
+        raise ConfigError(
+            f"signals is a {type(given).__name__}",
+            expected="a mapping of names to functions, arrays or mappings",
+            fix='signals={"u": lambda: torque}, or session.step(u=torque)',
+            key="signals",
+        )
+    return tuple(_spec(str(name), value) for name, value in (given or {}).items())
 
 
 def _spec(name: str, given: Any) -> SignalSpec:
@@ -118,9 +127,9 @@ class _Held:
 
     def __call__(self, t: float) -> NDArray[np.float64]:
         # The end of a symbol, n dt, is rounded; it belongs to the next one.
-        k = int(np.floor((t - self._start) / self._hold + 1e-9))
+        k = int(np.floor((t - self._start) / self._hold + _SLACK))
         # The last frame may stand at the very end of the last symbol.
-        if k == len(self._symbols) and t - self._start <= (k + 1e-9) * self._hold:
+        if k == len(self._symbols) and t - self._start <= (k + _SLACK) * self._hold:
             k -= 1
         if not 0 <= k < len(self._symbols):
             stop = self._start + len(self._symbols) * self._hold
@@ -173,15 +182,23 @@ class Signals:
             self.changed_between = True
         self._last = row
 
-    def finish(self, *, t: float, step: int) -> bool:
-        """Complete the last frame, at `t`; return whether a command had to be kept."""
+    def finish(self, *, t: float, step: int, ask: bool) -> bool:
+        """Complete the last frame, at `t`; return whether a command had to be kept.
+
+        With `ask` functions of time and arrays are read on; a script that failed is not asked.
+
+        Raises
+        ------
+        ConfigError
+            When there is nothing to keep, because no step was made.
+        """
         row: list[float] = []
         widths, kept = [], False
         old = iter(_split(self._last, self.widths)) if self._last is not None else None
         for spec, read in zip(self.specs, self._readers, strict=True):
             numbers = next(old) if old is not None else None
             goes_on = isinstance(spec.value, np.ndarray) and step < len(spec.value)
-            if goes_on or _is_function_of_time(spec.value):
+            if ask and (goes_on or _is_function_of_time(spec.value)):
                 numbers = self._numbers(spec, read({}, t, step))
             elif numbers is None:
                 raise _wrong(
@@ -214,8 +231,8 @@ class Signals:
 
     @staticmethod
     def _numbers(spec: SignalSpec, value: Any) -> Sequence[float]:
-        if type(value) is float and value - value == 0.0:  # the common case, and finite
-            return (value,)
+        if isinstance(value, float | int) and value - value == 0:  # the common case, and finite
+            return (float(value),)
         array = np.asarray(value)
         if array.dtype.kind not in "fiub" or array.ndim > 1 or not np.isfinite(array).all():
             raise _wrong(

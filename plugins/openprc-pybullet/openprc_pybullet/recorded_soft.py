@@ -44,8 +44,12 @@ def read_soft_option(given: Mapping[int, Any] | None) -> dict[int, SoftBody]:
     ConfigError
         When it is something else.
     """
+    if not isinstance(given, Mapping | None):
+        raise _wrong_option("soft", given)
     found = {}
-    for body, value in dict(given or {}).items():
+    for body, value in (given or {}).items():
+        if isinstance(body, bool) or not isinstance(body, int):
+            raise _wrong_option(body, value)
         told = dict(value) if isinstance(value, Mapping) else {"mesh": value}
         mesh, mass = told.pop("mesh", None), told.pop("mass", None)
         if told or not (mesh is None or isinstance(mesh, str | Path)):
@@ -60,8 +64,8 @@ def read_soft_option(given: Mapping[int, Any] | None) -> dict[int, SoftBody]:
 
 def _wrong_option(body: object, value: object) -> ConfigError:
     return ConfigError(
-        f"soft body {body} is given as {value!r}",
-        expected='the path of its .obj, None, or {"mesh": path, "mass": kilograms}',
+        f"soft body {body!r} is given as {value!r}",
+        expected='its id and the path of its .obj, None, or {"mesh": path, "mass": kilograms}',
         fix="correct it",
         key="soft",
     )

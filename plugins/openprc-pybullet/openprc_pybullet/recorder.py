@@ -128,14 +128,16 @@ def _choose(
     bodies: Iterable[int] | None,
     soft: Mapping[int, SoftBody],
 ) -> list[BodyTree]:
+    if not isinstance(bodies, Iterable | None):
+        raise _wrong("bodies", bodies, "a list of ids")
     present = connection.body_ids()
     trees = {body: describe_body(connection, body) for body in present}
     for body, tree in trees.items():
         if tree.kind == SOFT:  # recorded or not: it would crash the process
             refuse_hollow(connection, body)
     wanted = None if bodies is None else [*bodies, *soft]
-    for body in wanted or soft:
-        if body not in trees:
+    for body in soft if wanted is None else wanted:
+        if isinstance(body, bool) or body not in trees:
             raise ConfigError(
                 f"there is no body {body!r}",
                 expected=f"some of {', '.join(map(str, present)) or 'none: the scene is empty'}",

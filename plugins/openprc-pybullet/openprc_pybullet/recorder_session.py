@@ -338,8 +338,8 @@ class Session:
         self._scene.declare(self._writer, first, clock=self._clock, every=self._every)
 
     def _unmark(self) -> None:
-        for mark, _ in self._marks:
-            self._connection.unmark(mark)
+        for mark, name in self._marks:
+            self._connection.unmark(mark, name)
 
     def __exit__(
         self,
@@ -351,7 +351,7 @@ class Session:
         was_running, self._running = self._running, False
         try:
             if was_running:
-                self._finish()
+                self._finish(failed=error is not None)
         except OpenPRCError as problem:
             if error is None:
                 raise
@@ -360,12 +360,12 @@ class Session:
         finally:
             self._unmark()
 
-    def _finish(self) -> None:
+    def _finish(self, *, failed: bool) -> None:
         if self._specs:
             if self._signals is None:
                 self._signals = Signals(self._specs)
             if len(self._signals.rows) < self._filled and self._signals.finish(
-                t=self.time, step=self._steps
+                t=self.time, step=self._steps, ask=not failed
             ):
                 self._writer.note(
                     "the input of the last frame is that of the frame before: no command followed"

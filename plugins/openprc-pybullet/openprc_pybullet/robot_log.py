@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from openprc.errors import Diverged
 from openprc.schema import TrajectoryWriter
-from openprc_pybullet.bodies import Body, columns, joint_columns, sort_bodies
+from openprc_pybullet.bodies import MANY_DOF, Body, columns, joint_columns, sort_bodies
 from openprc_pybullet.clock import step_of_stamps
 from openprc_pybullet.kinematics import FIXED, Model, match_models
 from openprc_pybullet.settings import Settings
@@ -70,9 +70,17 @@ def import_robot_log(
     with ExitStack() as stack:
         models = {
             body: stack.enter_context(
-                Model(model, body=body, n_joints=scene.bodies[ids.index(body)].n_joints)
+                Model(
+                    model,
+                    body=body,
+                    n_joints=scene.bodies[ids.index(body)].n_joints,
+                    flags=settings.urdf_flags,
+                    scale=settings.urdf_scale,
+                )
             )
-            for body, model in match_models(settings.urdf, ids, log=path).items()
+            for body, model in match_models(
+                settings.urdf, ids, log=path, if_absent=_if_absent(log)
+            ).items()
         }
         parts = [_Part(log, body, models.get(body.body), file=file) for body in scene.bodies]
         _declare(writer, parts, n_frames=time.size)
@@ -95,6 +103,11 @@ def import_robot_log(
                 channels=channels,
                 **seen,
             )
+
+
+def _if_absent(log: StateLog) -> str:
+    empty = f"correct the id; if its records are the empty ones, {MANY_DOF}"
+    return empty if log.bare_after.size else "correct the id"
 
 
 class _Part:
@@ -269,6 +282,13 @@ def _remarks(parts: list[_Part]) -> list[str]:
             "channels have the unit arb because the log does not tell revolute (rad) from "
             "prismatic (m); name it with urdf"
         )
+    for part in parts:
+        if part.model and part.model.undecided:
+            found.append(
+                f"the links of body {part.body.body} would stand elsewhere if the script loaded it "
+                f"with {' or '.join(part.model.undecided)}, which the log does not show; say so "
+                "with urdf_flags"
+            )
     partial = [str(p.body.body) for p in parts if p.body.frames.size < _longest(parts)]
     if partial:
         found.append(f"bodies {', '.join(partial)} were not logged in every step")

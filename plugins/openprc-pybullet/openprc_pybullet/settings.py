@@ -18,6 +18,8 @@ class Settings:
     """Options of an import, in the types that the readers use; see `openprc_pybullet.OPTIONS`."""
 
     urdf: tuple[str, ...]
+    urdf_flags: tuple[str, ...]
+    urdf_scale: float
     bodies: tuple[int, ...]
     include_static: bool
     dt: float | None
@@ -38,10 +40,17 @@ class Settings:
         Raises
         ------
         ConfigError
-            When `dt` is not a positive number or `t0` is not finite.
+            When `dt` or `urdf_scale` is not a positive number or `t0` is not finite.
         """
         values = _DEFAULTS | {key: options[key] for key in _DEFAULTS if key in options}
-        dt = values["dt"]
+        dt, scale = values["dt"], values["urdf_scale"]
+        if not (math.isfinite(scale) and scale > 0):
+            raise ConfigError(
+                f"urdf_scale is {scale!r}",
+                expected="a positive number",
+                fix="give globalScaling of loadURDF",
+                key="urdf_scale",
+            )
         if dt is not None and not (math.isfinite(dt) and dt > 0):
             raise ConfigError(
                 f"dt is {dt!r}", expected="a positive number of seconds", fix="correct it", key="dt"
@@ -52,6 +61,8 @@ class Settings:
             )
         return cls(
             urdf=_as_tuple(values["urdf"]),
+            urdf_flags=_as_tuple(values["urdf_flags"]),
+            urdf_scale=float(scale),
             bodies=tuple(int(body) for body in _as_tuple(values["bodies"])),
             include_static=bool(values["include_static"]),
             dt=None if dt is None else float(dt),

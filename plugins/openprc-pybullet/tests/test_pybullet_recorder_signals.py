@@ -151,6 +151,40 @@ def test_commands_that_make_no_sense(record, signals, commands, words):
     assert raised.value.expected
 
 
+def test_a_script_that_fails_is_not_asked_again(ball, tmp_path, recorded):
+    _, client, _ = ball
+    asked = []
+
+    def of_time(t):
+        asked.append(t)
+        return 1.0 / (0.2 - t)  # fails at the third frame
+
+    def script():
+        with record_run(
+            client, tmp_path / "run.h5", producer="pybullet", signals={"u": of_time}
+        ) as session:
+            for _ in range(5):
+                session.step()
+
+    with pytest.raises(ZeroDivisionError):
+        script()
+    assert asked == [0.0, 0.1, 0.2]
+    run = recorded(tmp_path / "run.h5.partial", allow_incomplete=True)
+    assert run.input("u").value[:, 0] == pytest.approx([5.0, 10.0, 10.0])
+
+
+def test_a_script_that_fails_before_its_first_step(ball, tmp_path):
+    _, client, _ = ball
+
+    def script():
+        with record_run(client, tmp_path / "run.h5", producer="pybullet", signals={"u": {}}):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        script()
+    assert not list(tmp_path.iterdir())  # there is no frame to keep
+
+
 def test_no_step_and_no_command(record):
     with pytest.raises(ConfigError, match="no step was made"):
         record(0, signals={"u": {}})

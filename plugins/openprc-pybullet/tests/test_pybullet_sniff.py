@@ -173,5 +173,9 @@ def test_empty_and_missing_files(tmp_path):
 def test_record():
     (spec,) = openprc_producers()
     assert OPENPRC_PLUGIN_API == "1.0"
-    assert (spec.name, spec.capabilities, spec.trusts_pickle) == ("pybullet", ("import",), True)
+    assert (spec.name, spec.capabilities, spec.trusts_pickle) == (
+        "pybullet",
+        ("import", "record", "run"),
+        True,
+    )
     assert isinstance(Importer(), ImporterProtocol)

@@ -354,3 +354,43 @@ def run_rods(tmp_path):
     yield run
     for trajectory in opened:
         trajectory.close()
+
+
+@pytest.fixture
+def rod_modes():
+    """Return frequencies [Hz] and deflections of a straight rod, from dense matrices.
+
+    Shear strains ``(w[i+1] - w[i]) / l - e q[i]`` of element i, stretched by e, differences of
+    the rotations q at inner nodes, and tension T that resists deflection: the linear theory of
+    what PyElastica computes, written without looking at the banded matrices of the runner.
+    """
+
+    def modes(*, shear, bend, mass, inertia, length, held, turned=(), tension=0.0, stretch=1.0):
+        n = len(mass) - 1
+        columns = [np.broadcast_to(np.asarray(value, float), (n,)) for value in
+                   (shear, length, tension, stretch, inertia)]  # fmt: skip
+        shear, length, tension, stretch, inertia = columns
+        bend = np.broadcast_to(np.asarray(bend, float), (n - 1,))
+        stiffness = np.zeros((2 * n + 1, 2 * n + 1))
+        for i in range(n):
+            strain, slope = np.zeros((2, 2 * n + 1))
+            strain[[2 * i, 2 * i + 1, 2 * i + 2]] = -1 / length[i], -stretch[i], 1 / length[i]
+            slope[[2 * i, 2 * i + 2]] = -1.0, 1.0
+            stiffness += shear[i] * length[i] * np.outer(strain, strain)
+            stiffness += tension[i] / (stretch[i] * length[i]) * np.outer(slope, slope)
+        for i in range(n - 1):
+            turn = np.zeros(2 * n + 1)
+            turn[[2 * i + 1, 2 * i + 3]] = -1.0, 1.0
+            stiffness += bend[i] / (0.5 * (length[i] + length[i + 1])) * np.outer(turn, turn)
+        weight = np.empty(2 * n + 1)
+        weight[::2], weight[1::2] = mass, inertia
+        kept = np.ones(2 * n + 1, dtype=bool)
+        kept[[2 * node for node in held]] = False
+        kept[[2 * element + 1 for element in turned]] = False
+        scale = 1.0 / np.sqrt(weight[kept])
+        values, vectors = np.linalg.eigh(stiffness[np.ix_(kept, kept)] * np.outer(scale, scale))
+        shapes = np.zeros((2 * n + 1, kept.sum()))
+        shapes[kept] = vectors * scale[:, np.newaxis]
+        return np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi), shapes[::2]
+
+    return modes
