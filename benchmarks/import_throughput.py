@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import tempfile
 import time
@@ -27,9 +26,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 import h5py
 import numpy as np
@@ -123,6 +119,7 @@ def legacy_hdf5(folder: Path, n_bytes: int) -> Case:
     data = waves(n_bytes // (16 * 600), 200)
     path = folder / "simulation.h5"
     with h5py.File(path, "w") as file:
+        file.attrs["schema_version"] = "1.0"
         file.attrs["frame_rate"] = 1000.0
         file["time_series/time"] = np.arange(len(data)) * 1e-3
         file["time_series/nodes/positions"] = data

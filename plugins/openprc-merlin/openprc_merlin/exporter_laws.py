@@ -220,9 +220,11 @@ def _limits(trajectory: Trajectory, notes: list[str]) -> tuple[float, float] | N
         return None
     if not trajectory.has("/topology/hinges/limit_low"):
         return 0.0, 360.0
-    low = np.unique(np.rad2deg(trajectory.element_static("hinges", "limit_low")))
-    high = np.unique(np.rad2deg(trajectory.element_static("hinges", "limit_high")))
-    if len(low) > 1 or len(high) > 1:
+    lower, upper = (
+        np.unique(np.rad2deg(trajectory.element_static("hinges", name)))
+        for name in ("limit_low", "limit_high")
+    )
+    if len(lower) > 1 or len(upper) > 1:
         notes.append("the hinges differ in their limits, and MERLIN has one pair: the widest")
     # Degrees come back from radians with a last digit of their own.
-    return round(float(low[0]), 9), round(float(high[-1]), 9)
+    return round(float(lower[0]), 9), round(float(upper[-1]), 9)

@@ -145,7 +145,7 @@ def _rest(trajectory: Trajectory, rest: str) -> tuple[Floats, list[str]]:
 
 
 def _has(trajectory: Trajectory, kind: str, name: str) -> bool:
-    return trajectory.has(f"/topology/{kind}/{name}")
+    return bool(trajectory.has(f"/topology/{kind}/{name}"))
 
 
 def _lengths(trajectory: Trajectory, rest: Floats, bars: Ints) -> Floats:

@@ -264,7 +264,7 @@ def _is_number(value: Any) -> bool:
 
 def _unit(frames: list[dict[str, Any]], path: Path) -> str:
     """Return the one unit that frames name; those that name none share it."""
-    units = {frame["frame_unit"] for frame in frames if _says_unit(frame)} or {"unit"}
+    units: set[str] = {frame["frame_unit"] for frame in frames if _says_unit(frame)} or {"unit"}
     if len(units) > 1:
         names = ", ".join(sorted(units))
         raise _wrong(path, "frame_unit", f"several units: {names}", "one")

@@ -323,7 +323,7 @@ def test_other_hdf5_is_named(tmp_path):
         containers.read(path)
 
 
-def test_links_out_of_the_file_are_refused(tmp_path):
+def test_links_out_of_the_file_are_refused(tmp_path, write_v73):
     path = tmp_path / "link.mat"
     write_v73(path, samples.workspace())
     with h5py.File(path, "r+") as file:

@@ -48,11 +48,13 @@ class Document:
                 self._pointed[f'/Xdmf/Domain/DataItem[@Name="{name}"]'] = [item]
 
     def wrong(self, found: str, expected: str) -> UnreadableFile:
+        """Return the error for something in the file."""
         return UnreadableFile(
             found, expected=expected, fix="export it again", file=self.path, key="Xdmf"
         )
 
     def remarks(self) -> dict[str, str]:
+        """Return what the Information elements say, by name."""
         return {
             item.get("Name", ""): item.get("Value") or (item.text or "").strip()
             for item in self.domain.findall("Information")
@@ -93,6 +95,13 @@ class Document:
     # --- what points elsewhere --------------------------------------------------------------
 
     def pointed(self, text: str) -> list[Element]:
+        """Return the elements that a reference means.
+
+        Raises
+        ------
+        UnreadableFile
+            When it is of a form that is not known, or leads nowhere.
+        """
         path = pointer_path(text)
         if path not in self._pointed:
             try:
