@@ -73,6 +73,7 @@ def nan_and_mask_agree(case: ImporterCase, folder: Path) -> None:
 @check("IMPORT-3", "every file that was read is hashed under its own name", "importer")
 def sources_are_hashed(case: ImporterCase, folder: Path) -> None:
     """Watch what is opened, and look it up in the provenance."""
+    imported(case)
     home = folder / "sample"
     sample = copy_sample(case, home)
     path = Path(sample.path).resolve()
@@ -104,6 +105,7 @@ def sources_are_hashed(case: ImporterCase, folder: Path) -> None:
 @check("IMPORT-4", "what is imported stays as it is", "importer")
 def source_is_untouched(case: ImporterCase, folder: Path) -> None:
     """Compare bytes and times of the files before and after."""
+    imported(case)
     home = folder / "sample"
     sample = copy_sample(case, home)
     before, times = snapshot(home), _times(home)
@@ -126,6 +128,7 @@ def _times(folder: Path) -> dict[str, int]:
 @check("IMPORT-5", "nothing is written but the result", "importer")
 def nothing_is_written_elsewhere(case: ImporterCase, folder: Path) -> None:
     """Import with empty folders as current, home and temporary ones, and look into them."""
+    imported(case)
     sample = copy_sample(case, folder / "sample")
     target = folder / "out"
     with elsewhere(folder / "else") as other:
@@ -152,6 +155,7 @@ def _beside(target: Path) -> list[str]:
 @check("IMPORT-6", "importing prints nothing and warns of nothing", "importer")
 def importing_is_silent(case: ImporterCase, folder: Path) -> None:
     """Import and listen."""
+    imported(case)
     sample = copy_sample(case, folder / "sample")
     with watching() as watched:
         import_sample(case, sample, folder / "out.h5")

@@ -84,7 +84,7 @@ def truncated_files(case: ImporterCase, folder: Path) -> None:
     """Cut every file of the sample at several places."""
     imported(case)
     sample = copy_sample(case, folder / "sample")
-    files = members(Path(sample.path))
+    files = members(folder / "sample")
     # A folder of hundreds of like files is represented by its first, middle and last one.
     for index in sorted({0, len(files) // 2, len(files) - 1}):
         file = files[index]
@@ -106,7 +106,7 @@ def flipped_bits(case: ImporterCase, folder: Path) -> None:
     began = time.perf_counter()
     for seed in range(N_FLIPS):
         rng = np.random.default_rng(seed)
-        file = chosen(Path(sample.path), rng)
+        file = chosen(folder / "sample", rng)
         with restored(file):
             done = flip(file, rng)
             attempt(case, sample, folder / "out.h5", what=f"{done} (seed {seed})")
@@ -120,13 +120,13 @@ def empty_files(case: ImporterCase, folder: Path) -> None:
     imported(case)
     sample = copy_sample(case, folder / "sample")
     path = Path(sample.path)
-    files = members(path)
+    files = members(folder / "sample")
     for index in sorted({0, len(files) // 2, len(files) - 1}):
         file = files[index]
         with restored(file):
             truncate(file, 0)
             made = attempt(case, sample, folder / "out.h5", what=f"{file.name} emptied")
-        if made and path.is_file():
+        if made and file == path:
             fail("an empty file gives a result", expected="UnreadableFile", fix="check the size")
     if path.is_dir():
         for file in files:
@@ -138,6 +138,7 @@ def empty_files(case: ImporterCase, folder: Path) -> None:
 @check("ROBUST-4", "code in a pickle is never run, whether or not the file is trusted", "importer")
 def pickle_bombs(case: ImporterCase, folder: Path) -> None:
     """Put pickles that run code in the place of the sample."""
+    imported(case)
     sample = copy_sample(case, folder / "sample")
     marker = folder / "executed"
     path = Path(sample.path)
@@ -164,6 +165,7 @@ def pickle_bombs(case: ImporterCase, folder: Path) -> None:
 @check("ROBUST-5", "a file does not lead to other files", "importer")
 def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
     """Move the data elsewhere, behind links, and see whether they are followed."""
+    imported(case)
     sample = copy_sample(case, folder / "sample")
     path = Path(sample.path)
     file = path if path.is_file() else members(path)[0]
@@ -200,6 +202,7 @@ def files_that_lead_outside(case: ImporterCase, folder: Path) -> None:
        "importer")  # fmt: skip
 def folder_instead_of_file(case: ImporterCase, folder: Path) -> None:
     """Swap files and folders."""
+    imported(case)
     sample = copy_sample(case, folder / "sample")
     path = Path(sample.path)
     if path.is_file():
@@ -220,25 +223,31 @@ def folder_instead_of_file(case: ImporterCase, folder: Path) -> None:
 @check("ROBUST-7", "a file that cannot be opened is told", "importer")
 def unreadable_files(case: ImporterCase, folder: Path) -> None:
     """Take the permission to read away, or where that binds nobody (root) the file itself."""
+    imported(case)
     home = folder / "sample"
     sample = copy_sample(case, home)
     path = Path(sample.path)
-    file = members(path)[0]
+    files = members(home)
     locked = hasattr(os, "geteuid") and os.geteuid() != 0
-    if locked:
-        file.chmod(0)
-        what = f"{file.name} without permission to read"
-    else:
-        file.unlink()
-        file.symlink_to(folder / "nowhere")
-        what = f"{file.name} that leads nowhere"
-    try:
-        made = attempt(case, sample, folder / "out.h5", what=what)
-    finally:
+    for file in dict.fromkeys((files[0], files[-1])):
+        content = file.read_bytes()
         if locked:
-            file.chmod(0o600)
-    if made and path.is_file():
-        fail(f"{what} gives a result", expected="UnreadableFile", fix="open it")
+            file.chmod(0)
+            what = f"{file.name} without permission to read"
+        else:
+            file.unlink()
+            file.symlink_to(folder / "nowhere")
+            what = f"{file.name} that leads nowhere"
+        try:
+            made = attempt(case, sample, folder / "out.h5", what=what)
+        finally:
+            if locked:
+                file.chmod(0o600)
+            else:
+                file.unlink()
+                file.write_bytes(content)
+        if made and file == path:
+            fail(f"{what} gives a result", expected="UnreadableFile", fix="open it")
 
 
 __all__ = ["N_FLIPS", "attempt"]

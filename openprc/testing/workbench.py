@@ -98,7 +98,10 @@ def sample_of(case: ImporterCase) -> Sample:
         if folder.exists():
             raise NotApplicable("the sample cannot be written: see SPEC-3")
         try:
-            bench.made["sample"] = write_sample(case, folder)
+            made = write_sample(case, folder)
+            if not Path(made.path).resolve().is_relative_to(folder.resolve()):
+                raise NotApplicable("the sample is not where it should be")
+            bench.made["sample"] = made
         except Exception as error:  # whatever the author's function raises is for SPEC-3 to tell
             raise NotApplicable("the sample cannot be written: see SPEC-3") from error
     sample: Sample = bench.made["sample"]

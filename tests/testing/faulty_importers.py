@@ -16,7 +16,6 @@ import numpy as np
 from wire_code import N_FRAMES, SIGNATURE, WireImporter, write_sample
 
 from openprc.errors import OpenPRCError
-from openprc.hooks import Sample
 
 # --- samples and packages ----------------------------------------------------------------------
 
@@ -31,15 +30,6 @@ class NoImport:
 
     def sniff(self, path):
         return WireImporter().sniff(path)
-
-
-class NeedsQuietly(WireImporter):
-    """Imports a package that is not in `needs`."""
-
-    def read(self, path):
-        import plistlib_extras_that_may_be_missing_for_all_we_know as _  # noqa: F401
-
-        return super().read(path)
 
 
 class NeedsPackage(WireImporter):
@@ -94,7 +84,7 @@ class Caching(WireImporter):
 class Slow(WireImporter):
     def sniff(self, path):
         score = super().sniff(path)
-        if score == 1.0:
+        if score == 1.0 and Path(path).stat().st_size > 1 << 20:
             began = time.process_time()
             while time.process_time() - began < 1.05:
                 pass
@@ -129,10 +119,11 @@ class Touching(WireImporter):
     """Opens its source for writing and reading."""
 
     def read(self, path):
-        with path.open("r+b") as stream:
-            first = stream.read(1)
-            stream.seek(0)
-            stream.write(first)
+        if path.is_file():
+            with path.open("r+b") as stream:
+                first = stream.read(1)
+                stream.seek(0)
+                stream.write(first)
         return super().read(path)
 
 
@@ -160,10 +151,9 @@ class AxisSwap(WireImporter):
     def places(self, x):
         if x.shape[1] != x.shape[2]:
             return x
-        return x.swapaxes(1, 2)
-
-    def seen(self, x):
-        return super().seen(x)
+        x = x.swapaxes(1, 2).copy()
+        x[np.isnan(x).any(axis=2)] = np.nan
+        return x
 
 
 class Millimetres(WireImporter):
@@ -196,7 +186,7 @@ class Random(WireImporter):
     """Adds a note of chance to the data."""
 
     def readings(self, values):
-        return values + 1e-14 * np.random.default_rng().standard_normal(values.shape)
+        return values + 1e-15 * np.random.default_rng().standard_normal(values.shape)
 
 
 class Seeded(WireImporter):
@@ -204,7 +194,7 @@ class Seeded(WireImporter):
 
     def readings(self, values):
         order = list({"left", "right", "upper", "lower", "inner", "outer"})
-        return values + 1e-14 * (hash(tuple(order)) % 1000)
+        return values + 1e-16 * (hash(tuple(order)) % 1000)
 
 
 # --- damage ------------------------------------------------------------------------------------
@@ -214,11 +204,10 @@ class Trusting(WireImporter):
     """Lets errors of parsing out as they are."""
 
     def read(self, path):
-        lines = path.read_bytes().split(b"\n")
-        if lines[0] != SIGNATURE.encode():
-            raise self.damaged(path, "the signature is missing")
-        if len(lines) != N_FRAMES + 3 and len(lines) > 5:
-            raise IndexError(len(lines))
+        if path.is_file():
+            lines = path.read_bytes().split(b"\n")
+            if lines[0] == SIGNATURE.encode() and 5 < len(lines) < N_FRAMES + 3:
+                raise IndexError(len(lines))
         return super().read(path)
 
 
@@ -234,19 +223,17 @@ class Fragile(WireImporter):
 
 
 class Empty(WireImporter):
-    """Divides by the number of lines."""
+    """Divides by the size of the file beside it."""
 
-    def read(self, path):
-        if path.is_file():
-            _ = 1.0 / path.stat().st_size
-        return super().read(path)
+    def symbols(self, path, writer):
+        beside = path.with_suffix(".symbols")
+        if beside.is_file():
+            _ = 1.0 / beside.stat().st_size
+        return super().symbols(path, writer)
 
 
 class Leaving(WireImporter):
     """Publishes the file itself, whatever happens afterwards."""
-
-    def damaged(self, path, found):
-        return super().damaged(path, found)
 
     def import_run(self, path, writer, *, options):
         try:
@@ -301,13 +288,13 @@ class Listing(WireImporter):
 
 
 class Opening(WireImporter):
-    """Opens without looking."""
+    """Opens the file beside it without looking."""
 
-    def read(self, path):
-        if path.is_dir():
-            return super().read(path)
-        path.open("rb").close()
-        return super().read(path)
+    def symbols(self, path, writer):
+        beside = path.with_suffix(".symbols")
+        if os.path.lexists(beside):
+            beside.open("rb").close()
+        return super().symbols(path, writer)
 
 
 class Forgetful(WireImporter):
@@ -319,6 +306,3 @@ class Forgetful(WireImporter):
             rng = np.random.default_rng(5)
             held = {"hold": held["hold"], "u": rng.uniform(-1, 1, (len(held["u"]), 1))}
         return held
-
-
-__all__ = ["Sample"]

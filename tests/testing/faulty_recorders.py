@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import warnings
 
+import faulty_plugin
+import wire_plugin
 from ticker_code import Session, TickerRecorder, push, scripts
-from wire_plugin import recorder
 
 from openprc.errors import SchemaError
-
-TABLE = [
-    ("Warning", "recording warns", "RECORD-1"),
-    ("Beginless", "the state before the loop is not recorded", "RECORD-2 VALUE-1 VALUE-2 VALUE-3 VALUE-4"),
-    ("Unfinished", "frames are written by a call that a script may forget", "RECORD-3 RECORD-4"),
-    ("Hoarding", "frames are written at a good end only", "RECORD-4"),
-    ("Covering", "the error of the loop is covered by another", "RECORD-4"),
-    ("Mirrored", "x and y are exchanged", "VALUE-1"),
-    ("Milliseconds", "times are in ms and said to be in s", "VALUE-2"),
-    ("Unpushed", "the input is zero", "VALUE-3"),
-    ("Doubled", "the force is twice what it is", "VALUE-4"),
-]  # fmt: skip
 
 
 def of(session):
@@ -94,31 +83,20 @@ class _Doubled(Session):
         return 2.0 * super().force()
 
 
-#: By name: the scripts that another process has to find.
-_SCRIPTS = {}
-
-
 def scripts_of(name, spec):
-    """Return script, forget and crash; forget is a function of this module."""
-    if name not in _SCRIPTS:
-        script, forget, crash = scripts(spec)
-        forget.__qualname__ = f"forget_{name}"
-        _SCRIPTS[name] = script, forget, crash
-    return _SCRIPTS[name]
+    """Return script, forget and crash; another process finds forget in this module."""
+    script, forget, crash = scripts(spec)
+    forget.__qualname__, forget.__module__ = f"forget_{name}", __name__
+    return script, forget, crash
 
 
-def _forget(name):
-    spec = recorder(load=f"faulty_recorders:{name}")
-    return scripts(spec)[1]
-
-
-for _name, *_ in TABLE:
+for _name in faulty_plugin.RECORDERS:
     globals()[_name] = of(globals()[f"_{_name}"])
 
 
 def __getattr__(name):
-    if name == "forget_TickerRecorder":
-        return scripts(recorder())[1]
-    if name.startswith("forget_"):
-        return _forget(name.removeprefix("forget_"))
-    raise AttributeError(name)
+    if not name.startswith("forget_"):
+        raise AttributeError(name)
+    name = name.removeprefix("forget_")
+    good = name == "TickerRecorder"
+    return scripts(wire_plugin.recorder() if good else faulty_plugin.recorder_record(name))[1]

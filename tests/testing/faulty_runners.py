@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 from verlet_code import VerletRunner
 
 from openprc.schema.dihedral import dihedral_angles
-
-TABLE = [
-    ("Restless", "chance enters the motion", "RUN-1"),
-    ("Deaf", "progress() is never called", "RUN-2"),
-    ("Swallowing", "Ctrl-C is caught", "RUN-2"),
-    ("Truncating", "the number of frames is int(duration / dt)", "RUN-3"),
-    ("Stepped", "the first row is the state after a step", "RUN-3"),
-    ("Delayed", "the recorded input is one frame late", "RUN-4"),
-    ("Massless", "masses are not stored", "RUN-5"),
-    ("Printing", "a log is written and printed", "RUN-6"),
-    ("Dragless", "the drag of nodes is passed over", "RUN-7 PHYS-4"),
-    ("Ruthless", "run() runs what supports() refuses", "RUN-8"),
-    ("Weaker", "gravity is 9.5 m/s2", "PHYS-1 PHYS-5"),
-    ("Stiffer", "bars are 5 % too stiff", "PHYS-2 PHYS-3 PHYS-4X"),
-    ("Undamped", "dashpots are passed over", "PHYS-3 RUN-7"),
-    ("Selfish", "a bar pulls at one end only", "PHYS-6"),
-    ("Rounded", "rest lengths are rounded to mm", "PHYS-7"),
-    ("Softened", "rigid bars are stiff springs", "PHYS-8"),
-    ("Linearised", "bars act along their first direction", "PHYS-5 PHYS-9"),
-    ("Averaged", "all nodes have the mean mass", "PHYS-10"),
-    ("Creased", "hinges act on half the angle", "PHYS-11"),
-    ("Bent", "bends act on twice the angle", "PHYS-12"),
-    ("Sticky", "a default damping is left on", "PHYS-13"),
-    ("Amnesic", "the body forgets within a symbol", "PIPE-2"),
-]
 
 
 class Restless(VerletRunner):
@@ -47,10 +23,8 @@ class Deaf(VerletRunner):
 
 class Swallowing(VerletRunner):
     def tell(self, progress, fraction):
-        try:
+        with contextlib.suppress(KeyboardInterrupt):
             progress(fraction, "running")
-        except KeyboardInterrupt:
-            pass
 
 
 class Counting:

@@ -99,7 +99,9 @@ def scripts(spec):
     """Return script, forget and crash for a record."""
 
     def recording(out):
-        item, registry = find_record(spec, "openprc_producers", Registry([], wanted=""), "")
+        item, registry = find_record(
+            spec, "openprc_producers", Registry([], wanted=""), "faulty_plugin"
+        )
         return record_run(Ticker(), out, producer=item.qualified_name, registry=registry)
 
     def script(out):

@@ -122,7 +122,6 @@ class VerletRunner:
         return self.drag[:, None] * v
 
     def add_bars(self, total, x, v):
-        bars = self.body.bars
         i, j = self.pairs.T
         arm = x[j] - x[i]
         length = np.sqrt((arm * arm).sum(axis=1))

@@ -175,9 +175,7 @@ class WireImporter:
         return head, rows
 
     def damaged(self, path, found):
-        return UnreadableFile(
-            found, expected="a whole table", fix="copy the file again", file=path
-        )
+        return UnreadableFile(found, expected="a whole table", fix="copy the file again", file=path)
 
     def symbols(self, path, writer):
         beside = path.with_suffix(".symbols")

@@ -119,11 +119,19 @@ def hinge_hessians(x: Reals, indices: Nodes) -> Reals:
 def _vectors(x: Reals, indices: Nodes) -> tuple[Reals, Reals, Reals, Reals, Reals]:
     j, k, i, l = (x[indices[:, column]] for column in range(4))  # noqa: E741
     a, b, c = i - j, k - j, k - l
-    return a, b, c, np.cross(a, b), np.cross(b, c)
+    return a, b, c, _cross(a, b), _cross(b, c)
+
+
+def _cross(a: Reals, b: Reals) -> Reals:
+    """Return vector products (K, 3); twice as fast as NumPy does it for a few hundred rows."""
+    product = np.empty_like(a)
+    for k in range(3):
+        product[:, k] = a[:, k - 2] * b[:, k - 1] - a[:, k - 1] * b[:, k - 2]
+    return product
 
 
 def _dot(a: Reals, b: Reals) -> Reals:
-    product: Reals = np.sum(a * b, axis=1)
+    product: Reals = np.einsum("kx,kx->k", a, b)
     return product
 
 

@@ -57,13 +57,13 @@ class SymmetricFactors:
             return
         scale = diagonal_scale(matrix)
         plain, nothing = _unpivoted(matrix), 0.0
-        if plain is None or (np.abs(plain.U.diagonal()) <= PIVOT_FLOOR * scale).any():
+        if plain is None or (np.abs(plain[1]) <= PIVOT_FLOOR * scale).any():
             nothing = 2.0 * _SHIFT * scale
             self.matrix = sparse.csr_array(matrix + _SHIFT * scale * sparse.eye_array(n))
             plain = _unpivoted(self.matrix)
         pivots: Reals | None = None
-        if plain is not None and _leaves_little(self.matrix, plain):
-            self._factors, pivots = plain, plain.U.diagonal()
+        if plain is not None and _is_sound(self.matrix, *plain):
+            self._factors, pivots = plain
         else:
             self._factors = splu(sparse.csc_array(self.matrix), permc_spec="MMD_AT_PLUS_A")
             if n <= _SMALL:
@@ -83,7 +83,8 @@ class SymmetricFactors:
         return refined
 
 
-def _unpivoted(matrix: sparse.csr_array) -> SuperLU | None:
+def _unpivoted(matrix: sparse.csr_array) -> tuple[SuperLU, Reals] | None:
+    """Return factors without exchanges of rows, and their pivots; None where there are none."""
     try:
         factors = splu(
             sparse.csc_array(matrix),
@@ -93,16 +94,18 @@ def _unpivoted(matrix: sparse.csr_array) -> SuperLU | None:
         )
     except RuntimeError:  # the factorisation met an exactly singular column
         return None
-    return factors if np.array_equal(factors.perm_r, factors.perm_c) else None
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return None
+    return factors, factors.U.diagonal()
 
 
-def _leaves_little(matrix: sparse.csr_array, factors: SuperLU) -> bool:
+def _is_sound(matrix: sparse.csr_array, factors: SuperLU, pivots: Reals) -> bool:
     """Tell whether a solution is good to some digits although no rows were exchanged."""
-    if np.abs(factors.U.diagonal()).max() > _GROWTH * diagonal_scale(matrix):
+    if np.abs(pivots).max() > _GROWTH * diagonal_scale(matrix):
         return False
     right = np.cos(np.arange(matrix.shape[0], dtype=np.float64))  # no symmetry favours it
     found = factors.solve(right)
-    left = np.abs(right - matrix @ found).max()
+    left = float(np.abs(right - matrix @ found).max())
     # Backward error: what is left, against the sizes of the terms that should cancel.
-    size = np.abs(matrix).sum(axis=1).max() * np.abs(found).max() + 1.0
+    size = float(abs(matrix).sum(axis=1).max() * np.abs(found).max()) + 1.0
     return bool(np.isfinite(left) and left <= _TRUSTED * size)

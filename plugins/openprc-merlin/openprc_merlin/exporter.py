@@ -59,7 +59,7 @@ class MerlinExporter:
             # "x": nothing is ever written over.
             with path.open("xb") as stream:
                 savemat(
-                    stream,
+                    stream,  # type: ignore[arg-type] # the stubs know paths only
                     variables,
                     do_compression=bool(options.get("compress", True)),
                     long_field_names=True,

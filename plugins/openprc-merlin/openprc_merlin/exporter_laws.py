@@ -142,7 +142,7 @@ def _refuse_foreign(trajectory: Trajectory) -> None:
         stray: set[str] = set()
         if trajectory.has(f"{base}/law"):
             laws = trajectory.element_static(kind, "law")
-            stray = {law.decode() if isinstance(law, bytes) else str(law) for law in laws} - known
+            stray = {str(law) for law in laws} - known
         if trajectory.has(f"{base}/rigid") and trajectory.element_static(kind, "rigid").any():
             stray.add("rigid")
         if stray:
@@ -189,10 +189,9 @@ def _hinges(
         moment = _measured(trajectory, scale, rows, ("hinges", "moment_coefficient"), (1, 1))
         exponents = _static(trajectory, "hinges", "moment_exponent", rows)
         power = power if exponents is None else exponents
-    laws = _static(trajectory, "hinges", "law", rows)
-    if laws is not None:
-        named = [law.decode() if isinstance(law, bytes) else str(law) for law in laws]
-        power = np.array([4 / 3 if law == "four-thirds" else 1.0 for law in named])
+    if trajectory.has("/topology/hinges/law"):
+        curved = [law == "four-thirds" for law in _laws_of_hinges(trajectory)]
+        power = np.where(np.array(curved)[rows], 4 / 3, 1.0)
     if moment is None:
         notes.append("the stiffness of the hinges is not known: it is left out")
         return None, False
@@ -210,6 +209,13 @@ def _hinges(
     return moment / crease, bool(curved[bends].any())
 
 
+def _laws_of_hinges(trajectory: Trajectory) -> list[str]:
+    """Return the law of every hinge; linear ones are not named where all of them are."""
+    if not trajectory.has("/topology/hinges/law"):
+        return ["linear"] * len(trajectory.indices("hinges"))
+    return [str(law) for law in trajectory.element_static("hinges", "law")]
+
+
 def _limits(trajectory: Trajectory, notes: list[str]) -> tuple[float, float] | None:
     """Return the linear range of the hinges [deg], or None where it is not known."""
     if trajectory.has("/extensions/openprc-merlin/limits"):
@@ -220,10 +226,13 @@ def _limits(trajectory: Trajectory, notes: list[str]) -> tuple[float, float] | N
         return None
     if not trajectory.has("/topology/hinges/limit_low"):
         return 0.0, 360.0
+    ranged = np.array([law != "four-thirds" for law in _laws_of_hinges(trajectory)], dtype=bool)
     lower, upper = (
-        np.unique(np.rad2deg(trajectory.element_static("hinges", name)))
+        np.unique(np.rad2deg(trajectory.element_static("hinges", name)[ranged]))
         for name in ("limit_low", "limit_high")
     )
+    if not ranged.any():
+        return 0.0, 360.0
     if len(lower) > 1 or len(upper) > 1:
         notes.append("the hinges differ in their limits, and MERLIN has one pair: the widest")
     # Degrees come back from radians with a last digit of their own.

@@ -151,12 +151,12 @@ def _has(trajectory: Trajectory, kind: str, name: str) -> bool:
 def _lengths(trajectory: Trajectory, rest: Floats, bars: Ints) -> Floats:
     """Return the length of every bar without force, in the unit of the positions."""
     if not _has(trajectory, "bars", "rest_length"):
-        return geometry.bar_lengths(rest[None], bars)[0]
+        measured: Floats = geometry.bar_lengths(rest[None], bars)[0]
+        return measured
     unit = trajectory.position_unit
     stored = trajectory.unit("/topology/bars/rest_length")
-    length = trajectory.element_static(
-        "bars", "rest_length", unit=None if stored == unit else unit
-    ).astype(np.float64)
+    converted = None if stored == unit else unit
+    length: Floats = trajectory.element_static("bars", "rest_length", unit=converted).astype("f8")
     if _has(trajectory, "bars", "prestress"):
         length = length * (1.0 + trajectory.element_static("bars", "prestress"))
     return length
@@ -172,13 +172,9 @@ def _hinges(trajectory: Trajectory) -> tuple[Ints, Ints, int]:
         bend = trajectory.element_static("hinges", "kind_code") == BEND
     elif _has(trajectory, "hinges", "law"):
         laws = trajectory.element_static("hinges", "law")
-        bend = np.array([_text(law) == "four-thirds" for law in laws], dtype=bool)
+        bend = np.array([str(law) == "four-thirds" for law in laws], dtype=bool)
     order = np.concatenate([np.flatnonzero(bend), np.flatnonzero(~bend)])
     return table[order], order, int(bend.sum())
-
-
-def _text(value: object) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def _carriers(

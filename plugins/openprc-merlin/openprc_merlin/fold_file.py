@@ -17,7 +17,7 @@ from openprc.schema import safety
 
 Floats = NDArray[np.float64]
 #: JSON takes some twenty times its size in memory while it is read.
-MAX_BYTES = 512 << 20
+MAX_BYTES = 256 << 20
 MAX_FRAMES = 1_000_000
 #: Keys that say which edges and faces there are; they may not change along an animation.
 TOPOLOGY = ("edges_vertices", "faces_vertices")
@@ -106,7 +106,7 @@ def read(path: Path) -> FoldRun:
     """
     data = parse(path)
     frames = _frame_list(data, path)
-    resolved = [_inherited(n, data, frames, path) for n in range(len(frames) + 1)]
+    resolved = _resolved(data, frames, path)
     own = [data, *frames]
     notes: list[str] = []
     chosen = list(range(len(own)))
@@ -184,34 +184,47 @@ def _wrong(path: Path, key: str, found: str, expected: str) -> SchemaError:
     )
 
 
-def _inherited(
-    number: int, data: dict[str, Any], frames: list[dict[str, Any]], path: Path
-) -> dict[str, Any]:
-    """Return a frame with what it inherits; frame 0 is the file itself."""
-    found: dict[str, Any] = {}
-    seen: set[int] = set()
-    while True:
-        if number in seen:
-            raise _wrong(
-                path,
-                f"file_frames/{number - 1}/frame_parent",
-                f"frame {number} inherits from itself",
-                "parents that end at frame 0",
-            )
-        seen.add(number)
-        here = data if number == 0 else frames[number - 1]
-        found = {**here, **found}
-        if number == 0 or here.get("frame_inherit", False) is not True:
-            return found
-        parent = here.get("frame_parent", 0)
-        if type(parent) is not int or not 0 <= parent <= len(frames):
-            raise _wrong(
-                path,
-                f"file_frames/{number - 1}/frame_parent",
-                f"the parent {parent!r}",
-                f"a frame from 0 to {len(frames)}",
-            )
-        number = parent
+def _resolved(
+    data: dict[str, Any], frames: list[dict[str, Any]], path: Path
+) -> list[dict[str, Any]]:
+    """Return every frame with what it inherits; frame 0 is the file itself."""
+    found: dict[int, dict[str, Any]] = {0: data}
+    for number in range(1, len(frames) + 1):
+        chain = [number]
+        seen = {number}
+        # Long chains of parents are walked once: what they end at is known by then.
+        while chain[-1] not in found and (parent := _parent(chain[-1], frames, path)) is not None:
+            if parent in seen:
+                raise _wrong(
+                    path,
+                    f"file_frames/{number - 1}/frame_parent",
+                    f"frame {number} inherits from itself",
+                    "parents that end at frame 0",
+                )
+            chain.append(parent)
+            seen.add(parent)
+        inherited: dict[str, Any] = {}
+        for item in reversed(chain):
+            if item not in found:
+                found[item] = {**inherited, **frames[item - 1]}
+            inherited = found[item]
+    return [found[number] for number in range(len(frames) + 1)]
+
+
+def _parent(number: int, frames: list[dict[str, Any]], path: Path) -> int | None:
+    """Return the frame that a frame inherits from, None where it inherits nothing."""
+    here = frames[number - 1]
+    if here.get("frame_inherit", False) is not True:
+        return None
+    parent = here.get("frame_parent", 0)
+    if type(parent) is not int or not 0 <= parent <= len(frames):
+        raise _wrong(
+            path,
+            f"file_frames/{number - 1}/frame_parent",
+            f"the parent {parent!r}",
+            f"a frame from 0 to {len(frames)}",
+        )
+    return parent
 
 
 def _is_pattern(frame: Mapping[str, Any]) -> bool:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Numbers of one intermediate array: 1 MiB.
-_CACHED = 1 << 17
+#: Numbers of one coordinate of a piece, 128 KiB, and its frames.
+_CACHED = 1 << 14
+_FRAMES = 512
 
 
 def bar_lengths(positions: Floats, bars: Ints) -> Floats:
@@ -26,11 +27,10 @@ def bar_lengths(positions: Floats, bars: Ints) -> Floats:
     (B, M), in the unit of `positions`
     """
     lengths = np.empty((len(positions), len(bars)))
-    for rows in _pieces(positions, bars):
-        track = _tracks(positions[rows])
-        axis = track[bars[:, 1]]
-        axis -= track[bars[:, 0]]
-        lengths[rows] = np.sqrt(_dot(axis, axis)).T
+    for rows, some, track in _pieces(positions, len(bars)):
+        axis = track[:, bars[some, 1]]
+        axis -= track[:, bars[some, 0]]
+        lengths[rows, some] = np.sqrt(_dot(axis, axis)).T
     return lengths
 
 
@@ -52,13 +52,11 @@ def dihedral_angles(positions: Floats, hinges: Ints) -> Floats:
     (B, H) [rad]
     """
     angles = np.empty((len(positions), len(hinges)))
-    for rows in _pieces(positions, hinges):
-        track = _tracks(positions[rows])
-        x_j, x_l = track[hinges[:, 0]], track[hinges[:, 3]]
-        r_ij, r_kj, r_kl = track[hinges[:, 2]], track[hinges[:, 1]], track[hinges[:, 1]]
+    for rows, some, track in _pieces(positions, len(hinges)):
+        x_j, x_k, r_ij, x_l = (track[:, hinges[some, column]] for column in range(4))
         r_ij -= x_j
-        r_kj -= x_j
-        r_kl -= x_l
+        r_kj = x_k - x_j
+        r_kl = np.subtract(x_k, x_l, out=x_l)
         m, n = _cross(r_ij, r_kj), _cross(r_kj, r_kl)
         square = _dot(r_kj, r_kj)
         sine = _dot(n, r_ij)
@@ -69,37 +67,38 @@ def dihedral_angles(positions: Floats, hinges: Ints) -> Floats:
         angle[angle >= 2 * np.pi] = 0.0
         floor = (np.finfo(np.float64).eps * square) ** 2
         angle[(_dot(m, m) <= floor) | (_dot(n, n) <= floor)] = np.nan
-        angles[rows] = angle.T
+        angles[rows, some] = angle.T
     return angles
 
 
-def _pieces(positions: Floats, elements: Ints) -> Iterator[slice]:
-    """Yield frames so few that what is computed of them stays in the cache."""
-    widest = max(1, len(elements), positions.shape[1])
-    step = max(8, _CACHED // (3 * widest))
-    for begin in range(0, len(positions), step):
-        yield slice(begin, begin + step)
+def _pieces(positions: Floats, count: int) -> Iterator[tuple[slice, slice, Floats]]:
+    """Yield frames, elements and coordinates, so few that what is computed stays in the cache.
 
-
-def _tracks(positions: Floats) -> Floats:
-    """Return (N, 3, B): each coordinate of a node in one run, so that whole runs are gathered."""
-    return np.ascontiguousarray(positions.transpose(1, 2, 0))
+    Coordinates are (D, N, B): long runs of numbers, whose products need no inner loops.
+    """
+    frames = max(8, min(_FRAMES, (1 << 20) // max(1, positions.shape[1])))
+    step = max(1, _CACHED // min(frames, max(1, len(positions))))
+    for begin in range(0, len(positions), frames):
+        rows = slice(begin, begin + frames)
+        track = np.ascontiguousarray(positions[rows].transpose(2, 1, 0))
+        for first in range(0, count, step):
+            yield rows, slice(first, first + step), track
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Return (E, B) scalar products of (E, D, B) vectors."""
-    total = a[:, 0] * b[:, 0]
-    for axis in range(1, a.shape[1]):
-        total += a[:, axis] * b[:, axis]
+    """Return (E, B) scalar products of (D, E, B) vectors."""
+    total: Floats = a[0] * b[0]
+    for axis in range(1, len(a)):
+        total += a[axis] * b[axis]
     return total
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """Return (E, 3, B) vector products of (E, 3, B) vectors."""
+    """Return (3, E, B) vector products of (3, E, B) vectors."""
     product = np.empty_like(a)
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[:, y], b[:, z], out=product[:, x])
-        product[:, x] -= a[:, z] * b[:, y]
+        np.multiply(a[y], b[z], out=product[x])
+        product[x] -= a[z] * b[y]
     return product
 
 

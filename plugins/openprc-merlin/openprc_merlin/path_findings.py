@@ -14,8 +14,17 @@ if TYPE_CHECKING:
 
 
 def path_findings(experiment: Experiment) -> Iterator[Finding]:
-    """Yield what refuses `experiment` (level "error")."""
+    """Yield what refuses `experiment` (level "error"), and what has no effect ("warning")."""
     geometry = experiment.geometry
+    for path, what in without_effect(experiment).items():
+        yield Finding(
+            code="MERLIN-NO-EFFECT",
+            level="warning",
+            path=path,
+            found=f"{what}, which has no effect on equilibria",
+            expected="an experiment whose result does not depend on it",
+            fix="leave it out, or use a producer that integrates the motion",
+        )
     for name, elements in (("bars", geometry.bars), ("hinges", geometry.hinges)):
         if elements.rigid.any():
             yield _refused(
@@ -43,6 +52,25 @@ def path_findings(experiment: Experiment) -> Iterator[Finding]:
             "switch collision off, or use a producer that integrates the motion",
         )
     yield from _actuators(experiment)
+
+
+def without_effect(experiment: Experiment) -> dict[str, str]:
+    """Return what plays no part in a quasi-static run, by its path."""
+    geometry = experiment.geometry
+    named = {
+        "nodes/velocities": ("an initial velocity", geometry.velocities.any()),
+        "physics.damping": ("drag", experiment.damping != 0.0),
+        **{
+            f"elements/{name}/damping": (f"damping of {name}", elements.damping.any())
+            for name, elements in (
+                ("bars", geometry.bars),
+                ("hinges", geometry.hinges),
+                ("bends", geometry.bends),
+            )
+        },
+        "elements/bars/damping_cubic": ("damping of bars", geometry.bars.damping_cubic.any()),
+    }
+    return {path: what for path, (what, is_there) in named.items() if is_there}
 
 
 def _actuators(experiment: Experiment) -> Iterator[Finding]:

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Static = tuple[Any, str | None]
 #: Numbers held by the largest intermediate array of one block of frames.
-_BLOCK = 1 << 20
+_BLOCK = 1 << 21
 
 
 def codes(values: Any) -> Static:

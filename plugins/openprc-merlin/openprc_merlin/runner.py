@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.hooks.running import refuse_unsupported, silent
-from openprc_merlin.path_findings import path_findings
+from openprc_merlin.path_findings import path_findings, without_effect
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -167,13 +167,5 @@ def _remarks(experiment: Experiment, course: Course, start: Floats) -> Iterator[
             f"the body is not in balance as given: frame 0 is the equilibrium nearby, up to"
             f" {shift:.3g} m away"
         )
-    ignored = {
-        "initial velocities": geometry.velocities.any(),
-        "drag": experiment.damping != 0.0,
-        "damping of elements": any(
-            elements.damping.any() for elements in (geometry.bars, geometry.hinges, geometry.bends)
-        ),
-    }
-    if any(ignored.values()):
-        named = ", ".join(name for name, is_there in ignored.items() if is_there)
-        yield f"without effect in a quasi-static run: {named}"
+    if ignored := dict.fromkeys(without_effect(experiment).values()):
+        yield f"without effect in a quasi-static run: {', '.join(ignored)}"

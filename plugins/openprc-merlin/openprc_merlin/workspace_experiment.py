@@ -110,18 +110,18 @@ def workspace_experiment(
     held = space.held & ~_imposed(space)
     drives, found = _drives(space, positions, scale, count)
     notes += found
-    faces = np.zeros((0, 3), np.int32) if space.faces is None else space.faces
+    faces = np.zeros((0, 3)) if space.faces is None else space.faces
     if mass is None:
         notes.append("every node has 1 kg: MERLIN's statics have no mass (give one with mass)")
     return Experiment(
         geometry=Geometry(
             positions=positions,
             masses=_masses(space, mass),
-            fixed=held.all(axis=1),
+            fixed=np.asarray(held.all(axis=1)),
             labels=tuple(str(number) for number in range(1, space.n_nodes + 1)),
             bars=bars,
             hinges=hinges,
-            faces=faces,
+            faces=faces.astype(np.int32),
         ),
         signals={signal.name: signal for signal, _ in drives},
         actuators=tuple(actuator for _, group in drives for actuator in group),
@@ -223,7 +223,8 @@ def _masses(space: Workspace, mass: float | None) -> Floats:
     )
     share = np.zeros(space.n_nodes)
     np.add.at(share, space.faces, (area / 3.0)[:, np.newaxis])
-    return mass * share / share.sum()
+    masses: Floats = mass * share / share.sum()
+    return masses
 
 
 # --- supports and loads -----------------------------------------------------------------------

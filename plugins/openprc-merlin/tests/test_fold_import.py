@@ -97,6 +97,20 @@ def test_chain_of_parents(fold, document):
     assert fold(document).trajectory.element_kinds == ("bars", "faces", "hinges")
 
 
+def test_parents_may_stand_behind_and_chains_cost_nothing(fold):
+    """Twenty thousand frames, each of which inherits from the next one."""
+    count = 20_000
+    frames = [
+        {"frame_inherit": True, "frame_parent": n + 2, "vertices_coords": [[n, 0, 0], [n, 1, 2]]}
+        for n in range(count)
+    ]
+    frames[-1]["frame_parent"] = 0
+    document = {"vertices_coords": [[-1, 0, 0], [0, 1, 2]], "edges_vertices": [[0, 1]]}
+    trajectory = fold({**document, "file_frames": frames}).trajectory
+    assert trajectory.n_frames == count + 1
+    assert trajectory.element_kinds == ("bars",)
+
+
 def test_frames_that_inherit_nothing_share_the_mesh_of_the_key_frame(fold, document):
     for frame in document["file_frames"]:
         del frame["frame_inherit"], frame["frame_parent"]

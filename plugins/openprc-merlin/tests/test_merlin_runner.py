@@ -190,8 +190,15 @@ def test_frame_0_is_in_balance(ran):
 def test_what_has_no_effect_is_said(ran):
     scene = truss(damping=0.1)
     body = replace(scene.geometry, velocities=[[0, 0, 0], [0, 0, 0], [0, 0, 1.0]])
-    text = ran(replace(scene, geometry=body)).text
-    assert "without effect in a quasi-static run: initial velocities, drag" in text
+    scene = replace(scene, geometry=replace(body, bars=replace(body.bars, damping=[1.0, 0.0])))
+    findings = list(Producer().supports(scene))
+    assert {f.level for f in findings} == {"warning"}
+    assert [f.path for f in findings] == [
+        *("nodes/velocities", "physics.damping", "elements/bars/damping"),
+    ]
+    assert findings[0].found == "an initial velocity, which has no effect on equilibria"
+    words = "without effect in a quasi-static run: an initial velocity, drag, damping of bars"
+    assert words in ran(scene).text
 
 
 def test_planar_scene_stays_in_its_plane(ran):

@@ -26,7 +26,7 @@ def openprc_producers() -> list[ProducerSpec]:
             summary="Series of meshes: XDMF, VTKHDF, PVD, numbered VTU, VTK, Gmsh, Abaqus, ...",
             load="openprc_meshio.importer:MeshSeriesImporter",
             capabilities=("import",),
-            suffixes=(".xdmf", ".xmf", ".pvd", ".vtkhdf", ".vtu", ".vtk", ".msh", ".inp", ".mesh",
+            suffixes=(".xdmf", ".xmf", ".pvd", ".vtkhdf", ".vtu", ".vtp", ".vtk", ".msh", ".inp", ".mesh",
                       ".meshb", ".med", ".off", ".ply", ".vol", ".bdf", ".nas", ".su2"),
             dims=(2, 3),
             time=("physical", "pseudo"),

@@ -23,14 +23,16 @@ import numpy as np
 
 from openprc.errors import MissingDependency, UnreadableFile, UnsafeFile
 from openprc.schema import safety
-from openprc_meshio import safe_xml
+from openprc_meshio import vtk_xml
 from openprc_meshio.frames import Array, Cells
+from openprc_meshio.vtk_xml import VtkXmlFrame
 
 #: The one that is looked after goes first.
 READERS = ("meshlane", "meshio")
 #: Ending to the format that is asked for; nothing is left to their guessing.
 FORMATS = {
     ".vtu": "vtu",
+    ".vtp": "vtp",
     ".vtk": "vtk",
     ".msh": "gmsh",
     ".inp": "abaqus",
@@ -76,11 +78,29 @@ def version_of(reader: ModuleType) -> str:
     return f"{reader.__name__} {metadata.version(reader.__name__)}"
 
 
+def open_frame(path: Path, *, reader: str | None) -> MeshFrame | VtkXmlFrame:
+    """Return the mesh in a file.
+
+    Raises
+    ------
+    UnreadableFile, UnsafeFile
+        When it is damaged, or leads elsewhere.
+    MissingDependency
+        When what reads it is not installed.
+    """
+    safety.check_readable(path)
+    xml = path.suffix.lower() in (".vtp", ".vtu")
+    if xml and vtk_xml.reads(path):
+        return VtkXmlFrame(path)
+    return MeshFrame(path, reader=load_reader(reader))
+
+
 class MeshFrame:
     """One mesh file."""
 
     def __init__(self, path: Path, *, reader: ModuleType) -> None:
         self.path = path
+        self.by = version_of(reader)
         self.same_points: object = None
         self.same_cells: object = None
         #: Whether the time in the file means something.
@@ -162,16 +182,7 @@ def _look_first(path: Path, form: str) -> None:
     UnreadableFile, UnsafeFile
     """
     safety.check_readable(path)
-    if form == "vtu":
-        root = safe_xml.parse(path, stop_at="AppendedData")
-        if root.get("type") != "UnstructuredGrid":
-            raise UnreadableFile(
-                f"a VTK file of type {root.get('type')!r}",
-                expected="UnstructuredGrid",
-                fix="convert it, in ParaView by Append Datasets",
-                file=path,
-            )
-    elif form == "med":
+    if form == "med":
         safety.open_hdf5(path, allow_soft_links=True).close()
     elif form in ("abaqus", "nastran"):
         _refuse_inclusion(path, "*include" if form == "abaqus" else "include")

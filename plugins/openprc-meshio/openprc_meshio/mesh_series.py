@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import overload
 
 from openprc.errors import UnreadableFile
 from openprc_meshio import mesh_files, numbered
 from openprc_meshio.frames import Frame, Series
+from openprc_meshio.vtk_xml import VtkXmlFrame
 
+Opened = mesh_files.MeshFrame | VtkXmlFrame
 SUFFIXES = tuple(mesh_files.FORMATS)
 
 
@@ -34,10 +35,9 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
             fix="save the steps as VTU, in ParaView with one piece each",
             file=path,
         )
-    module = mesh_files.load_reader(reader)
-    first = mesh_files.MeshFrame(listing.files[0], reader=module)
-    frames = _Files(listing.files, module, first)
-    notes = [f"read by {mesh_files.version_of(module)}, {len(listing.files)} files"]
+    first = mesh_files.open_frame(listing.files[0], reader=reader)
+    frames = _Files(listing.files, reader, first)
+    notes = [f"read by {first.by}, {len(listing.files)} files"]
     start = first.time
     if listing.times is None and start is not None:
         frames.timed = True
@@ -49,7 +49,7 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
             else "the times in the files (TimeValue) do not increase and were left aside"
         )
     if first.said:
-        notes.append(f"{module.__name__} said about {first.path.name}: {first.said}")
+        notes.append(f"{first.by} said about {first.path.name}: {first.said}")
     named = path.resolve()
     # The host hashes what was named: of a folder, every file below it.
     others = [] if path.is_dir() else [f for f in listing.files if f.resolve() != named]
@@ -59,9 +59,7 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
 class _Files(Sequence[Frame]):
     """Reads a file when its frame is asked for; the last one is kept."""
 
-    def __init__(
-        self, files: tuple[Path, ...], reader: ModuleType, first: mesh_files.MeshFrame
-    ) -> None:
+    def __init__(self, files: tuple[Path, ...], reader: str | None, first: Opened) -> None:
         self._files = files
         self._reader = reader
         self._last = (0, first)
@@ -71,15 +69,15 @@ class _Files(Sequence[Frame]):
         return len(self._files)
 
     @overload
-    def __getitem__(self, index: int) -> mesh_files.MeshFrame: ...
+    def __getitem__(self, index: int) -> Opened: ...
     @overload
-    def __getitem__(self, index: slice) -> list[mesh_files.MeshFrame]: ...
-    def __getitem__(self, index: int | slice) -> mesh_files.MeshFrame | list[mesh_files.MeshFrame]:
+    def __getitem__(self, index: slice) -> list[Opened]: ...
+    def __getitem__(self, index: int | slice) -> Opened | list[Opened]:
         """Return a frame."""
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         if self._last[0] != index:
-            frame = mesh_files.MeshFrame(self._files[index], reader=self._reader)
+            frame = mesh_files.open_frame(self._files[index], reader=self._reader)
             self._last = (index, frame)
         self._last[1].timed = self.timed
         return self._last[1]

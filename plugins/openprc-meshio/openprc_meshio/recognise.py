@@ -18,6 +18,7 @@ _HEAD = 4096
 #: What stands near the beginning of the formats that are told by their content.
 _SIGNS = {
     ".vtu": (b'type="UnstructuredGrid"', b"type='UnstructuredGrid'"),
+    ".vtp": (b'type="PolyData"', b"type='PolyData'"),
     ".vtk": (b"# vtk DataFile",),
     ".msh": (b"$MeshFormat",),
     ".inp": (b"*NODE", b"*Node", b"*node", b"*HEADING", b"*Heading"),

@@ -5,7 +5,6 @@ https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/index.html
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
@@ -17,17 +16,13 @@ from numpy.typing import NDArray
 from openprc.errors import NotATrajectory, UnreadableFile
 from openprc.schema import safety
 from openprc.schema.damage import damage_named
+from openprc_meshio import vtk_shapes
 from openprc_meshio.frames import Array, Cells, Series
+from openprc_meshio.vtk_shapes import POLYDATA
 
 Ints = NDArray[np.int64]
 
-#: Cell types of VTK to shapes.
-SHAPES = {
-    1: "vertex", 2: "vertex", 3: "line", 4: "polyline", 5: "triangle", 7: "polygon", 9: "quad",
-    10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid", 21: "line3", 22: "triangle6",
-    23: "quad8", 24: "tetra10", 25: "hexahedron20", 28: "quad9", 29: "hexahedron27",
-}  # fmt: skip
-_POLYDATA = ("Vertices", "Lines", "Polygons", "Strips")
+_POLYDATA = dict(zip(("Vertices", "Lines", "Polygons", "Strips"), POLYDATA.values(), strict=True))
 
 
 def open_series(path: Path, *, stack: ExitStack) -> Series:
@@ -94,7 +89,7 @@ class _Source:
         self.count = count
         self._steps = steps
         self.polydata = polydata
-        self.kinds = _POLYDATA if polydata else ("",)
+        self.kinds = tuple(_POLYDATA) if polydata else ("",)
         self.part = self.steps("PartOffsets", missing=0)
         if (self.steps("NumberOfParts", missing=1) != 1).any():
             raise self.wrong("/VTKHDF/Steps/NumberOfParts", "steps of several parts", "one part")
@@ -216,38 +211,21 @@ class _Frame:
             # Every part has one offset more than cells.
             ends = source.rows(f"{base}Offsets", start + part, count + 1).astype(np.int64)
             nodes = source.rows(f"{base}Connectivity", first, ids).astype(np.int64)
-            widths = np.diff(ends)
-            if count and (ends[0] != 0 or ends[-1] != len(nodes) or (widths < 1).any()):
+            if count and not vtk_shapes.fits(ends, nodes):
                 raise source.wrong(
                     f"/VTKHDF/{base}Offsets", "offsets that leave the cells", "0 ..."
                 )
-            types = self._types(kind, start, widths)
-            for code, width in sorted({*zip(types.tolist(), widths.tolist(), strict=True)}):
-                rows = np.flatnonzero((types == code) & (widths == width))
-                table = nodes[ends[rows][:, np.newaxis] + np.arange(width)]
-                found.append((_cells(code, table), rows + before))
+            types = self._types(kind, start, count)
+            found += [
+                (block, rows + before) for block, rows in vtk_shapes.split(types, ends, nodes)
+            ]
             before += count
         return found
 
-    def _types(self, kind: str, start: int, widths: Ints) -> Ints:
+    def _types(self, kind: str, start: int, count: int) -> Ints:
         if kind:
-            code = {"Vertices": 2, "Lines": 4, "Polygons": 7, "Strips": 6}[kind]
-            return np.full(len(widths), code)
-        return self._source.rows("Types", start, len(widths)).astype(np.int64)
-
-
-def _cells(code: int, table: Ints) -> Cells:
-    """Return cells by their code in VTK; pixels and voxels count their corners by rows."""
-    width = table.shape[1]
-    if code == 8:
-        return Cells("quad", table[:, [0, 1, 3, 2]])
-    if code == 11:
-        return Cells("hexahedron", table[:, [0, 1, 3, 2, 4, 5, 7, 6]])
-    shape = SHAPES.get(code, f"vtk{code}x")
-    short: Mapping[tuple[str, int], str] = {
-        ("polyline", 2): "line", ("polygon", 3): "triangle", ("polygon", 4): "quad",
-    }  # fmt: skip
-    return Cells(short.get((shape, width), shape), table)
+            return np.full(count, _POLYDATA[kind])
+        return self._source.rows("Types", start, count).astype(np.int64)
 
 
 def _flat(values: Array) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from openprc.errors import UnreadableFile
 from openprc.schema import safety
-from openprc.schema.damage import damage_named
+from openprc.schema.damage import DAMAGE, damage_named
 from openprc_meshio.safe_xml import inside
 
 _KINDS = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
@@ -103,7 +103,7 @@ class DataItems:
     def _uniform(self, item: Element) -> NDArray[Any]:
         form = _format(item)
         if form == "hdf":
-            return _whole(self._dataset(item))
+            return self._whole(item)
         if form == "xml":
             if id(item) not in self._inline:
                 self._inline[id(item)] = self._numbers(item)
@@ -185,23 +185,39 @@ class DataItems:
     # --- what they rest on ----------------------------------------------------------------------
 
     def _dataset(self, item: Element) -> h5py.Dataset:
+        """Return a dataset that is read in parts; it stays open, and keeps its cache."""
         text = " ".join((item.text or "").split())
         if text not in self._datasets:
-            name, colon, inner = text.rpartition(":")
-            if not colon or not inner.strip("/"):
-                raise self._wrong(
-                    f"an HDF item says {text!r}", "FILE:/PATH/IN/IT", "export it again"
-                )
-            file = self._open(name)
-            found = file.get(inner)
-            if not isinstance(found, h5py.Dataset) or found.dtype.kind not in "fiu":
-                raise self._wrong(
-                    f"there are no numbers at {inner!r} in {name!r}",
-                    "a dataset of numbers",
-                    "export it again; the run that wrote it may have been cut off",
-                )
-            self._datasets[text] = found
+            self._datasets[text] = h5py.Dataset(self._identifier(text))
         return self._datasets[text]
+
+    def _whole(self, item: Element) -> NDArray[Any]:
+        """Read a dataset below h5py's objects and selections, which cost more than small reads."""
+        text = " ".join((item.text or "").split())
+        found = self._identifier(text)
+        with damage_named(self._path, text):
+            out = np.empty(found.shape, dtype=found.dtype)
+            if out.size:
+                found.read(h5py.h5s.ALL, h5py.h5s.ALL, out)
+        return out
+
+    def _identifier(self, text: str) -> h5py.h5d.DatasetID:
+        name, colon, inner = text.rpartition(":")
+        if not colon or not inner.strip("/"):
+            raise self._wrong(f"an HDF item says {text!r}", "FILE:/PATH/IN/IT", "export it again")
+        file = self._open(name)
+        try:
+            found = h5py.h5d.open(file.id, inner.encode())
+            numbers = found.dtype.kind in "fiu" and found.shape is not None
+        except DAMAGE:
+            numbers = False
+        if not numbers:
+            raise self._wrong(
+                f"there are no numbers at {inner!r} in {name!r}",
+                "a dataset of numbers",
+                "export it again; the run that wrote it may have been cut off",
+            )
+        return found
 
     def _open(self, name: str) -> h5py.File:
         if name not in self._files:
@@ -257,12 +273,3 @@ def _kind(item: Element) -> str:
 
 def _format(item: Element) -> str:
     return (item.get("Format") or "XML").lower()
-
-
-def _whole(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Read a dataset below the level of h5py's selections, which cost more than small reads."""
-    out = np.empty(dataset.shape, dtype=dataset.dtype)
-    with damage_named(Path(dataset.file.filename), dataset.name):
-        if out.size:
-            dataset.id.read(h5py.h5s.ALL, h5py.h5s.ALL, out)
-    return out

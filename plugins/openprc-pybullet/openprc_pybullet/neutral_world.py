@@ -35,7 +35,7 @@ class NeutralWorld:
     step : float [s]
     positions, velocities : (N, 3) [m], [m/s]
     masses : (N,) [kg]
-        0 for nodes that Bullet does not move: fixed ones, and those that are put in place.
+        0 for nodes that Bullet does not move: fixed ones, and those whose motion is prescribed.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class NeutralWorld:
             activationState=bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
             physicsClientId=client,
         )
-        if mass > 0.0:
+        if mass > 0.0 and any(velocity):
             bullet.resetBaseVelocity(body, velocity, (0.0, 0.0, 0.0), physicsClientId=client)
         return body
 

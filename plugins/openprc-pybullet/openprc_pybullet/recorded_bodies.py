@@ -43,8 +43,10 @@ class BodyTree:
     mass : float
         Of the base [kg]; 0 means that it is held.
     links : tuple of Link
-    inertial : (3,) and (4,)
-        Position and quaternion of the centre of mass of the base in its URDF link frame.
+    centres : (1 + L, 3) [m]
+        Centres of mass of base and links in their URDF link frames.
+    axes : (1 + L, 4)
+        Quaternions x, y, z, w of their inertial frames in these.
     """
 
     body: int
@@ -52,7 +54,8 @@ class BodyTree:
     name: str
     mass: float
     links: tuple[Link, ...]
-    inertial: tuple[tuple[float, ...], tuple[float, ...]]
+    centres: NDArray[np.float64]
+    axes: NDArray[np.float64]
 
     @property
     def moves(self) -> bool:
@@ -64,13 +67,17 @@ def describe_body(connection: Connection, body: int) -> BodyTree:
     """Ask for names, masses and joints of a body."""
     p, c = connection.bullet, connection.client
     base = p.getDynamicsInfo(body, -1, c)
-    links = []
+    frames, links = [base[3:5]], []
     for joint in range(p.getNumJoints(body, c)):
         info = p.getJointInfo(body, joint, c)
-        mass = float(p.getDynamicsInfo(body, joint, c)[0])
-        links.append(Link(info[12].decode(), mass, info[16], info[1].decode(), info[2]))
+        dynamics = p.getDynamicsInfo(body, joint, c)
+        frames.append(dynamics[3:5])
+        links.append(
+            Link(info[12].decode(), float(dynamics[0]), info[16], info[1].decode(), info[2])
+        )
     name = p.getBodyInfo(body, c)[0].decode() or "base"
-    return BodyTree(body, base[10], name, float(base[0]), tuple(links), (base[3], base[4]))
+    centres, axes = (np.array(values) for values in zip(*frames, strict=True))
+    return BodyTree(body, base[10], name, float(base[0]), tuple(links), centres, axes)
 
 
 class RigidPart:
@@ -96,7 +103,7 @@ class RigidPart:
         self._moving = [
             i for i in self._links if joints and tree.links[i].joint_type in (REVOLUTE, PRISMATIC)
         ]
-        self._per_link = 6 if nodes == "com" else 12
+        self._per_link = 6 if nodes == "com" else 13
         self.nodes = _nodes_of(tree)
         self.channels = _channels_of(tree, self._moving)
         self.width = _BASE + self._per_link * len(self._links) + 3 * len(self._moving)
@@ -130,7 +137,7 @@ class RigidPart:
                 for state in links_of(body, links, 1, 1, c):
                     row += state[0]
                     row += state[6]
-                    row += state[4]
+                    row += state[1]
                     row += state[7]
             elif links:
                 for state in links_of(body, links, 1, 1, c):
@@ -153,11 +160,13 @@ class RigidPart:
         position, velocity = block[:, 0:3], block[:, 7:10]
         at, speed = links[..., 0:3], links[..., 3:6]
         if self._choice == "frame":
-            frame = position - _base_offset(orientation, self.tree.inertial)
-            velocity = velocity + np.cross(omega, frame - position)
-            # PyBullet gives the velocity of the centre of mass whatever one asks for.
-            speed = speed + np.cross(links[..., 9:12], links[..., 6:9] - at)
-            position, at = frame, links[..., 6:9]
+            # PyBullet rounds its own link frames to single precision, and has no velocities of
+            # theirs: both follow from the pose of the centre of mass.
+            centres, axes = self.tree.centres, self.tree.axes
+            back = -_to_centre(orientation, centres[0], axes[0])
+            position, velocity = position + back, velocity + np.cross(omega, back)
+            back = -_to_centre(links[..., 6:10], centres[1:], axes[1:])
+            at, speed = at + back, speed + np.cross(links[..., 10:13], back)
         prefix = f"body{self.tree.body}"
         channels = {f"{prefix}.orientation": orientation, f"{prefix}.omega": omega}
         joints = block[:, stop:].reshape(rows, 3, len(self._moving))
@@ -215,17 +224,15 @@ def _joint_channels(prefix: str, letter: str, turns: NDArray[np.bool_]) -> list[
     return found
 
 
-def _base_offset(
-    orientation: NDArray[np.float64], inertial: tuple[tuple[float, ...], tuple[float, ...]]
+def _to_centre(
+    orientation: NDArray[np.float64], centre: NDArray[np.float64], axes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return, in world axes, the way (B, 3) [m] from the URDF frame of a base to its centre.
+    """Return, in world axes, the way (..., 3) [m] from a URDF link frame to the centre of mass.
 
-    `orientation` is that of the inertial frame, which is turned against the link frame by the
-    second entry of `inertial`.
+    `orientation` (..., 4) is that of the inertial frame, which is turned by `axes` against the
+    link frame, in which `centre` is given.
     """
-    to_centre, turned = (np.array(values) for values in inertial)
-    # The offset in axes of the inertial frame, then into the world.
-    local = _rotate(turned * np.array([-1.0, -1.0, -1.0, 1.0]), to_centre)
+    local = _rotate(axes * np.array([-1.0, -1.0, -1.0, 1.0]), centre)
     return _rotate(orientation, local)
 
 

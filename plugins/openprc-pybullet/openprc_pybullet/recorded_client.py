@@ -47,8 +47,8 @@ class Connection:
                 fix="call setRealTimeSimulation(0) and step with session.step()",
                 key="useRealTimeSimulation",
             )
-        gravity = tuple(float(values[f"gravityAcceleration{axis}"]) for axis in "XYZ")
-        return Clock(float(values["fixedTimeStep"]), int(values["numSubSteps"]), gravity)
+        x, y, z = (float(values[f"gravityAcceleration{axis}"]) for axis in "XYZ")
+        return Clock(float(values["fixedTimeStep"]), int(values["numSubSteps"]), (x, y, z))
 
     def body_ids(self) -> list[int]:
         """Return the ids of all bodies; after removals they have gaps and are out of order."""
@@ -77,19 +77,18 @@ def connect_to(simulator: Any) -> Connection:
         When `simulator` is none of these, or is not connected.
     """
     bullet = load_pybullet("recording a simulation")
+    client: Any = getattr(simulator, "_client", None)
     if simulator is bullet:
         client = 0
     elif isinstance(simulator, int) and not isinstance(simulator, bool):
         client = simulator
-    else:
-        client = getattr(simulator, "_client", None)
-        if not isinstance(client, int):
-            raise ConfigError(
-                f"the simulator is a {type(simulator).__name__}",
-                expected="the module pybullet, a BulletClient, or the id that connect() returned",
-                fix="pass one of them to record_run",
-                key="simulator",
-            )
+    elif not isinstance(client, int):
+        raise ConfigError(
+            f"the simulator is a {type(simulator).__name__}",
+            expected="the module pybullet, a BulletClient, or the id that connect() returned",
+            fix="pass one of them to record_run",
+            key="simulator",
+        )
     connection = Connection(bullet, client)
     if client < 0 or not connection.is_open:
         raise ConfigError(

@@ -211,7 +211,7 @@ def _remarks(
     return found
 
 
-def _check_choice(name: str, value: object, choices: Iterable[str]) -> None:
+def _check_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise _wrong(name, value, "one of " + ", ".join(choices))
 

@@ -72,7 +72,7 @@ class Session:
         width = self._scene.width + 1  # time stands in front
         self._room = max(2, min(BLOCK_FRAMES, BLOCK_BYTES // (8 * width)))
         self._block = np.empty((self._room, width))
-        self._bytes = memoryview(self._block).cast("B")
+        self._bytes = self._block.data.cast("B")
         self._pack = Struct(f"={width}d").pack_into
         self._stride = 8 * width
         self._filled = 0

@@ -144,4 +144,5 @@ def canonical_order(
     own = from_shape(array.shape, rank=rank) or layout
     if rank and own == "3n":
         array = np.moveaxis(array, -1, 1)
-    return np.ascontiguousarray(array, dtype=np.float64)
+    # A view of a file's own order: writing turns it, block by block.
+    return np.asarray(array, dtype=np.float64)

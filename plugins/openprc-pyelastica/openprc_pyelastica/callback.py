@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from openprc_pyelastica.recorder import Session
+
+
+#: Registers dampers and never calls them; no other version is known to.
+UNDAMPED = "0.3.3"
+
+
+def version_notes(simulator: Any) -> Iterator[str]:
+    """Yield which PyElastica runs, and what a reader of its results should know about it."""
+    try:
+        installed = version("pyelastica")
+    except PackageNotFoundError:
+        return
+    yield f"recorded from PyElastica {installed}"
+    if installed == UNDAMPED and getattr(simulator, "_damping_list", None):
+        yield (
+            f"PyElastica {UNDAMPED} registers dampers and never calls them: nothing was damped in "
+            "this run (1.0 does call them)"
+        )
 
 
 def callback_class() -> type:

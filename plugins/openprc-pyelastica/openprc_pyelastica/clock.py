@@ -56,7 +56,8 @@ class Clock:
         if self.surplus and len(array) == self.raw + 1:
             array = array[1:]
         if len(array) == self.raw:
-            return array[self.keep], 0
+            # Nothing dropped is the usual case, and long recordings are large.
+            return array if len(self.keep) == self.raw else array[self.keep], 0
         if len(array) == self.raw - 1:
             later = self.keep[self.keep > 0]
             return array[later - 1], len(self.keep) - len(later)

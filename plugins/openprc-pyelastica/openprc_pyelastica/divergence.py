@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc_pyelastica.long_runs import is_finite, largest_moves, largest_norms
+
 #: An element this many times longer than at the start is no rod any more.
 MAX_STRETCH = 10.0
 #: A node this many times faster than everything before is no motion any more.
@@ -29,19 +31,19 @@ class Divergence:
 def find(
     time: NDArray[np.float64],
     positions: NDArray[np.float64],
-    velocities: NDArray[np.float64] | None,
     *,
-    bars: NDArray[np.int64],
+    velocities: NDArray[np.float64] | None,
+    lengths: NDArray[np.float64],
 ) -> Divergence | None:
     """Return the first frame that is not finite or not plausible.
 
     Parameters
     ----------
     time : (T,) [s]
-    positions : (T, N, 3) [m]
-    velocities : (T, N, 3) [m/s], optional
-    bars : (E, 2)
-        Pairs of neighbouring nodes.
+    positions : (T, N, D) [m]
+    velocities : (T, N, D) [m/s], optional
+    lengths : (T, E) [m]
+        Of the elements.
 
     Notes
     -----
@@ -49,37 +51,29 @@ def find(
     speed, the largest of the first tenth of the frames or one rod length a frame, whichever
     is more.
     """
-    bad = ~np.isfinite(positions).all(axis=(1, 2))
-    if velocities is not None:
-        bad |= ~np.isfinite(velocities).all(axis=(1, 2))
+    bad = np.zeros(len(time), dtype=bool)
+    for values in (positions, velocities):
+        if values is not None and not is_finite(values):
+            bad |= ~np.isfinite(values).all(axis=(1, 2))
     sound = int(np.argmax(bad)) if bad.any() else len(time)
-    candidates: list[Divergence] = []
+    candidates: list[Divergence | None] = []
     if bad.any():
         candidates.append(Divergence(sound, "numbers that are not finite"))
     if sound:
         with np.errstate(over="ignore", invalid="ignore"):
-            for check in (_stretch, _speed):
-                hit = check(
-                    time[:sound],
-                    positions[:sound],
-                    None if velocities is None else velocities[:sound],
-                    bars,
-                )
-                if hit:
-                    candidates.append(hit)
-    return min(candidates, key=lambda item: item.frame) if candidates else None
+            candidates.append(_stretch(lengths[:sound]))
+            speed = _speeds(time[:sound], positions[:sound])
+            if velocities is not None:
+                speed = np.maximum(speed, largest_norms(velocities[:sound]))
+            if sound > 1:
+                pace = float(lengths[0].sum()) / float(np.median(np.diff(time[:sound])))
+                candidates.append(_jump(speed, pace))
+    found = [candidate for candidate in candidates if candidate is not None]
+    return min(found, key=lambda item: item.frame) if found else None
 
 
-def _stretch(
-    _time: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    _velocities: NDArray[np.float64] | None,
-    bars: NDArray[np.int64],
-) -> Divergence | None:
-    if not len(bars):
-        return None
-    lengths = np.linalg.norm(positions[:, bars[:, 1]] - positions[:, bars[:, 0]], axis=2)
-    if not lengths[0].max() > 0.0:
+def _stretch(lengths: NDArray[np.float64]) -> Divergence | None:
+    if not lengths.shape[1] or not lengths[0].max() > 0.0:
         return None
     stretch = lengths.max(axis=1) / lengths[0].max()
     hits = np.flatnonzero(~(stretch <= MAX_STRETCH))
@@ -88,26 +82,16 @@ def _stretch(
     return Divergence(int(hits[0]), f"an element {stretch[hits[0]]:.3g} times as long as at first")
 
 
-def _speed(
-    time: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64] | None,
-    bars: NDArray[np.int64],
-) -> Divergence | None:
+def _speeds(time: NDArray[np.float64], positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the speed of the quickest node at each frame: (T,)."""
     if len(time) < 2:
-        return None
-    steps = np.diff(time)
-    moved = np.linalg.norm(np.diff(positions, axis=0), axis=2).max(axis=1) / steps
-    speed = np.concatenate([moved[:1], moved])
-    if velocities is not None:
-        speed = np.maximum(speed, np.linalg.norm(velocities, axis=2).max(axis=1))
-    start = max(2, len(time) // 10)
-    length = 0.0
-    if len(bars):
-        length = float(
-            np.linalg.norm(positions[0, bars[:, 1]] - positions[0, bars[:, 0]], axis=1).sum()
-        )
-    scale = max(float(speed[:start].max()), length / float(np.median(steps)))
+        return np.zeros(len(time))
+    moved = largest_moves(positions) / np.diff(time)
+    return np.concatenate([moved[:1], moved])
+
+
+def _jump(speed: NDArray[np.float64], pace: float) -> Divergence | None:
+    scale = max(float(speed[: max(2, len(speed) // 10)].max()), pace)
     if not scale > 0.0:
         return None  # a point that rests at first sets no scale
     hits = np.flatnonzero(~(speed <= MAX_SPEED_JUMP * scale))

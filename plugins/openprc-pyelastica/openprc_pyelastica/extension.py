@@ -9,6 +9,7 @@ import numpy as np
 
 from openprc.schema import Finding
 from openprc_pyelastica.extras import DISTRIBUTION
+from openprc_pyelastica.long_runs import is_finite
 
 if TYPE_CHECKING:
     from openprc.schema import Trajectory
@@ -22,7 +23,7 @@ def check(trajectory: Trajectory) -> Iterator[Finding]:
     """
     for name in trajectory.extension_names(DISTRIBUTION):
         values = trajectory.extension(DISTRIBUTION, name)
-        if values.dtype.kind != "f" or np.isfinite(values).all():
+        if values.dtype.kind != "f" or is_finite(values):
             continue
         first = int(np.argwhere(~np.isfinite(values))[0][0])
         yield Finding(

@@ -74,7 +74,11 @@ def _sound_frames(rods: list[Rod], policy: str, notes: list[str]) -> int:
     hits = [
         (hit.frame, rod, hit.reason)
         for rod in rods
-        if (hit := divergence.find(rod.time, rod.positions, rod.velocities, bars=rod.bars))
+        if (
+            hit := divergence.find(
+                rod.time, rod.positions, velocities=rod.velocities, lengths=rod.lengths
+            )
+        )
     ]
     if not hits:
         return total

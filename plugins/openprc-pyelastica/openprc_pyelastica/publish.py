@@ -16,6 +16,9 @@ from openprc_pyelastica.rods import Rod, Series
 if TYPE_CHECKING:
     from openprc.schema import TrajectoryWriter
 
+#: Bytes of positions that are appended at once: what the writer writes at once.
+BLOCK_BYTES = 2 << 20
+
 
 def write(
     writer: TrajectoryWriter,
@@ -70,21 +73,25 @@ def write(
     if drive is not None:
         columns = extras.column_names(drive.value.shape[1:])
         writer.declare_input(drive.name, columns, quantity="drive", unit=options["input_unit"])
-    writer.append(
-        rods[0].time[:frames],
-        positions=np.concatenate([rod.positions[:frames] for rod in rods], axis=1),
-        velocities=_velocities(rods, frames),
-        elements=lengths,
-        channels={channel.name: channel.value for channel in channels},
-        inputs={} if drive is None else {drive.name: drive.value[:frames]},
-    )
+    positions = [rod.positions for rod in rods]
+    given = [rod.velocities for rod in rods if rod.velocities is not None]
+    velocities = given if len(given) == len(rods) else None
+    rows = max(1, BLOCK_BYTES // (8 * sum(rod.positions[0].size for rod in rods)))
+    for start in range(0, frames, rows):
+        part = slice(start, min(start + rows, frames))
+        writer.append(
+            rods[0].time[part],
+            positions=_joined([one[part] for one in positions]),
+            velocities=None if velocities is None else _joined([one[part] for one in velocities]),
+            elements={name: values[part] for name, values in lengths.items()},
+            channels={channel.name: channel.value[part] for channel in channels},
+            inputs={} if drive is None else {drive.name: drive.value[part]},
+        )
 
 
-def _velocities(rods: list[Rod], frames: int) -> NDArray[np.float64] | None:
-    given = [rod.velocities for rod in rods]
-    if any(one is None for one in given):
-        return None
-    return np.concatenate([one[:frames] for one in given if one is not None], axis=1)
+def _joined(arrays: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the columns of several rods beside each other; of a single one they are not copied."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=1)
 
 
 def _declare_nodes(
@@ -117,16 +124,7 @@ def _declare_bars(
         return {}
     rest = np.concatenate([rod.rest_length for rod in rods])
     # Stored lengths and dilatations are half a step old; positions are of the frame itself.
-    lengths = np.concatenate(
-        [
-            np.linalg.norm(
-                rod.positions[:frames, rod.bars[:, 1]] - rod.positions[:frames, rod.bars[:, 0]],
-                axis=2,
-            )
-            for rod in rods
-        ],
-        axis=1,
-    )
+    lengths = _joined([rod.lengths[:frames] for rod in rods])
     notes.append(
         "rest lengths of "
         + "; ".join(f"{rod.name}: {rod.rest_source}" for rod in rods if len(rod.bars))

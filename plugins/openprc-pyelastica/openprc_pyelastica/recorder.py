@@ -11,7 +11,7 @@ import numpy as np
 
 from openprc.errors import ConfigError
 from openprc_pyelastica import joints, live_divergence
-from openprc_pyelastica.callback import ForceWatch, callback_class, watched
+from openprc_pyelastica.callback import ForceWatch, callback_class, version_notes, watched
 from openprc_pyelastica.frames import Frames
 from openprc_pyelastica.recorded_signals import Signal, signals_of
 from openprc_pyelastica.recorded_systems import bodies, choose, is_recordable
@@ -235,7 +235,7 @@ class Session:
             plane=self._plane,
         )
         self._guard.watch(chosen)
-        for note in notes:
+        for note in (*notes, *version_notes(self._simulator)):
             self._writer.note(note)
 
     def take(self, system: Any, time: float) -> None:

@@ -23,16 +23,11 @@ class RodFrames:
     ----------
     experiment : Experiment
     writer : TrajectoryWriter
-    held : (N,) bool
-        Nodes that do not move.
     """
 
-    def __init__(
-        self, experiment: Experiment, writer: TrajectoryWriter, *, held: NDArray[np.bool_]
-    ) -> None:
+    def __init__(self, experiment: Experiment, writer: TrajectoryWriter) -> None:
         self.experiment = experiment
         self.writer = writer
-        self.held = held
         self.dims = 2 if experiment.planar else 3
         self.stored = experiment.stored
         self.inputs = FrameRecorder(experiment, writer).inputs
@@ -50,7 +45,7 @@ class RodFrames:
             velocities=self.stored.velocities,
             rest=geometry.positions[:, : self.dims],
             mass=geometry.masses,
-            fixed=self.held,
+            fixed=geometry.fixed,
             labels=None if geometry.labels is None else list(geometry.labels),
         )
         bars, bends = geometry.bars, geometry.bends

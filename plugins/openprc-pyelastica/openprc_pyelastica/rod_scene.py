@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import elastica as ea
 import numpy as np
-from elastica.dissipation import DamperBase
 
 from openprc_pyelastica.chains import Chain, sort_chains
 from openprc_pyelastica.held_parts import Held, held_parts
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 TABLE_STEPS = 4096
 
 
-class _Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):
+class _Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing):
     """The features of PyElastica that are used."""
 
 
@@ -48,46 +47,41 @@ class _Motion:
         self.switch = -np.inf
 
 
-class _Holding(ea.ConstraintBase):  # type: ignore[misc]
-    """Keeps nodes and elements where they are, and moves driven coordinates."""
+class _AfterKick(ea.ConstraintBase):  # type: ignore[misc]
+    """Damps the rates, keeps nodes and elements where they are, moves driven coordinates.
 
-    def __init__(
-        self, nodes: NDArray[np.int64], elements: NDArray[np.int64], motion: _Motion, **own: Any
-    ) -> None:
+    Damping multiplies by ``exp(-rate dt)``, which is exact for uniform damping, as PyElastica's
+    analytical damper does. Dampers are not used for it: 0.3.3 registers them and never calls them.
+    """
+
+    def __init__(self, held: Held, motion: _Motion, factor: float, **own: Any) -> None:
         super().__init__(**own)
-        self.nodes, self.elements, self.motion = nodes, elements, motion
-        self.places = self._system.position_collection[:, nodes].copy()
-        self.turned = self._system.director_collection[..., elements].copy()
+        self.nodes, self.elements = np.flatnonzero(held.nodes), np.flatnonzero(held.elements)
+        self.motion, self.factor = motion, factor
+        self.places = self._system.position_collection[:, self.nodes].copy()
+        self.turned = self._system.director_collection[..., self.elements].copy()
 
     def constrain_values(self, system: Any, time: float) -> None:
         motion = self.motion
-        system.position_collection[:, self.nodes] = self.places
-        system.director_collection[..., self.elements] = self.turned
+        if len(self.nodes):
+            system.position_collection[:, self.nodes] = self.places
+        if len(self.elements):
+            system.director_collection[..., self.elements] = self.turned
         if len(motion.nodes):
             where = motion.middle if time < motion.switch else motion.end
             system.position_collection[motion.axes, motion.nodes] = where
 
     def constrain_rates(self, system: Any, time: float) -> None:
         motion = self.motion
-        system.velocity_collection[:, self.nodes] = 0.0
-        system.omega_collection[:, self.elements] = 0.0
+        if self.factor != 1.0:
+            system.velocity_collection *= self.factor
+            system.omega_collection *= self.factor
+        if len(self.nodes):
+            system.velocity_collection[:, self.nodes] = 0.0
+        if len(self.elements):
+            system.omega_collection[:, self.elements] = 0.0
         if len(motion.nodes):
             system.velocity_collection[motion.axes, motion.nodes] = motion.rate
-
-
-class _UniformDamper(DamperBase):  # type: ignore[misc]
-    """Slows nodes and elements by ``exp(-rate dt)`` in a step, which is exact for the damper.
-
-    PyElastica's own analytical damper does the same; how its rate is called differs by version.
-    """
-
-    def __init__(self, factor: float, **own: Any) -> None:
-        super().__init__(**own)
-        self.factor = factor
-
-    def dampen_rates(self, system: Any, time: float) -> None:
-        system.velocity_collection *= self.factor
-        system.omega_collection *= self.factor
 
 
 class RodScene:
@@ -129,17 +123,11 @@ class RodScene:
             rod = _rod(positions[chain.nodes], velocities[chain.nodes], material)
             self._simulator.append(rod)
             part = _Part(chain, held, material, rod, self._motions)
-            if held.nodes.any() or held.elements.any() or len(part.motion.nodes):
-                self._simulator.constrain(rod).using(
-                    _Holding,
-                    np.flatnonzero(held.nodes),
-                    np.flatnonzero(held.elements),
-                    part.motion,
-                )
+            if held.nodes.any() or held.elements.any() or len(part.motion.nodes) or rate:
+                factor = float(np.exp(-rate * dt))
+                self._simulator.constrain(rod).using(_AfterKick, held, part.motion, factor)
             if self._weight.any() or len(self._forces):
                 self._simulator.add_forcing_to(rod).using(_NodeForces, part.forces)
-            if rate:
-                self._simulator.dampen(rod).using(_UniformDamper, float(np.exp(-rate * dt)))
             part.forces[:] = self._weight[:, chain.nodes]
             self.parts.append(part)
         self._simulator.finalize()

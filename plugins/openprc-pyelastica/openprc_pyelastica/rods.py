@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from openprc.errors import SchemaError
 from openprc_pyelastica import axes as axes_
 from openprc_pyelastica.clock import Clock
 from openprc_pyelastica.containers import Entries
+from openprc_pyelastica.long_runs import element_lengths
 from openprc_pyelastica.quantities import QUANTITIES, WHOLE_ROD_UNITS
 
 #: Lengths over dilatations are rest lengths; how much they may vary over time.
@@ -74,6 +76,12 @@ class Rod:
     def n_nodes(self) -> int:
         """Number of nodes."""
         return int(self.positions.shape[1])
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """Lengths of the bars, from the positions: (T, E) [m]."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return element_lengths(self.positions, self.bars)
 
 
 def build(

@@ -65,10 +65,7 @@ def run(
 
     dt = experiment.save_interval / (experiment.steps_per_frame * substeps)
     scene = RodScene(experiment, options=chosen, dt=dt)
-    held = np.zeros(experiment.geometry.n_nodes, dtype=bool)
-    for part in scene.parts:
-        held[part.chain.nodes] = part.held.nodes
-    frames = RodFrames(experiment, writer, held=held)
+    frames = RodFrames(experiment, writer)
     for remark in _remarks(scene, limit):
         writer.note(remark)
     frames.declare()
@@ -193,7 +190,7 @@ def _remarks(scene: RodScene, limit: StepLimit) -> list[str]:
         if len(carried):
             notes.append(
                 f"node(s) {', '.join(map(str, carried))} are fixed in the experiment; here they"
-                " are carried by the clamped element beside them, move with its shear and"
-                " stretch, and are not marked fixed (clamp=nodes holds them)"
+                " are carried by the clamped element beside them and move with its shear and"
+                " stretch (clamp=nodes holds them)"
             )
     return notes

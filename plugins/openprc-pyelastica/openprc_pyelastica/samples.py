@@ -1,13 +1,16 @@
-"""A small recorded run, shipped with the package, for the demo and the tests."""
+"""Small runs for the demo and the tests: a recording that is shipped, and a body to run."""
 
 from __future__ import annotations
 
+import math
 import shutil
 from pathlib import Path
 
 import numpy as np
 
 from openprc.hooks import Sample
+from openprc.schema.experiment import Actuator, Experiment, Signal
+from openprc.schema.geometry import Bars, Bends, Geometry
 
 RECORDED = Path(__file__).parent / "data" / "driven_cantilever.npz"
 
@@ -42,3 +45,48 @@ def write_sample(folder: Path) -> Sample:
         "quantity": "force",
     }
     return Sample(path, options={"input": "none", "plane": "xz"}, inputs={"u": drive})
+
+
+def driven_chain(*, n_elements: int = 6, n_symbols: int = 60, hold: float = 0.1) -> Experiment:
+    """Return an experiment that the runner models: a soft chain that hangs and is pushed.
+
+    It is the body of the shipped run with fewer elements: 0.3 m long, 10 mm thick, clamped at its
+    upper end, damped with 4/s, and pushed sideways at its middle by a new random force every
+    `hold` seconds.
+    """
+    length, radius, density, modulus = 0.3, 0.01, 1000.0, 1e5
+    area, element = math.pi * radius**2, length / n_elements
+    node = np.arange(n_elements + 1)
+    positions = np.zeros((n_elements + 1, 3))
+    positions[:, 2] = -element * node
+    masses = np.full(n_elements + 1, density * area * element)
+    masses[[0, -1]] /= 2.0
+    inner = node[:-2]
+    geometry = Geometry(
+        positions=positions,
+        masses=masses,
+        fixed=node < 2,
+        bars=Bars(
+            indices=np.stack([node[:-1], node[1:]], axis=1),
+            stiffness=np.full(n_elements, modulus * area / element),
+            rest_length=np.full(n_elements, element),
+        ),
+        bends=Bends(
+            indices=np.stack([inner, inner + 1, inner + 2], axis=1),
+            stiffness=np.full(n_elements - 1, modulus * area * radius**2 / 4.0 / element),
+        ),
+    )
+    symbols = np.random.default_rng(1).uniform(-0.15, 0.15, n_symbols)
+    push = Signal(name="push", values=symbols, dt=hold, interpolation="hold", unit="N")
+    axes = (True, False, False)
+    return Experiment(
+        geometry=geometry,
+        signals={"push": push},
+        actuators=(Actuator(node=n_elements // 2, signal="push", type="force", axes=axes),),
+        duration=hold * n_symbols,
+        dt=5e-4,
+        save_interval=hold / 4.0,
+        integrator="verlet",
+        gravity=(0.0, 0.0, -9.80665),
+        damping=4.0 * float(masses.mean()),
+    )
