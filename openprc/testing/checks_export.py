@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,13 @@ def _name(case: ExporterCase) -> str:
 
 
 def _export(case: ExporterCase, kind: str, out: Path) -> tuple[Path, ...]:
+    """Export a copy that lies beside `out`: files that refer to it may stay in their folder."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    source = out.parent / "simulation.h5"
+    shutil.copyfile(trajectory(kind), source)
     return export_file(
-        trajectory(kind), out, to=case.item.qualified_name, options=case.options,
-        registry=case.plugins,
-    )  # fmt: skip
+        source, out, to=case.item.qualified_name, options=case.options, registry=case.plugins
+    )
 
 
 @check(

@@ -60,27 +60,27 @@ IMPORTERS = {
 }  # fmt: skip
 
 RUNNERS = {
-    "Restless": ("chance enters the motion", "RUN-1"),
+    "Restless": ("chance enters the motion", "RUN-1 RUN-2"),
     "Deaf": ("progress() is never called", "RUN-2"),
     "Swallowing": ("Ctrl-C is caught", "RUN-2"),
     "Truncating": ("the number of frames is int(duration / dt)", "RUN-3"),
-    "Stepped": ("the first row is the state after a step", "RUN-3"),
+    "Stepped": ("the first row is the state after a step", "RUN-3 PHYS-6 PHYS-7 PHYS-10"),
     "Delayed": ("the recorded input is one frame late", "RUN-4"),
     "Massless": ("masses are not stored", "RUN-5"),
     "Printing": ("a log is written and printed", "RUN-6"),
-    "Dragless": ("the drag of nodes is passed over", "RUN-7 PHYS-4"),
+    "Dragless": ("the drag of nodes is passed over", "RUN-7 PHYS-4 PIPE-2"),
     "Ruthless": ("run() runs what supports() refuses", "RUN-8"),
     "Weaker": ("gravity is 9.5 m/s2", "PHYS-1 PHYS-5"),
     "Stiffer": ("bars are 5 % too stiff", "PHYS-2 PHYS-3 PHYS-9 PHYS-10 PHYS-13"),
     "Undamped": ("dashpots are passed over", "PHYS-3 RUN-7"),
-    "Selfish": ("a bar pulls at one end only", "PHYS-6 PHYS-9 PHYS-10"),
+    "Selfish": ("a bar pulls at one end only", "PHYS-6 PHYS-9 PHYS-10 PIPE-2"),
     "Rounded": ("rest lengths are rounded to mm", "PHYS-7"),
     "Softened": ("rigid bars are stiff springs", "PHYS-8"),
-    "Linearised": ("bars act along their first direction", "PHYS-5 PHYS-9"),
+    "Linearised": ("bars act along their first direction", "PHYS-5 PHYS-9 PHYS-11 PHYS-12"),
     "Averaged": ("all nodes have the mean mass", "PHYS-6 PHYS-10"),
     "Creased": ("hinges are half as stiff", "PHYS-11"),
     "Bent": ("bends are twice as stiff", "PHYS-12"),
-    "Sticky": ("a slight default damping is left on", "PHYS-13"),
+    "Sticky": ("a slight default damping is left on", "PHYS-6 PHYS-9 PHYS-13"),
     "Amnesic": ("the body forgets within a symbol", "PIPE-2"),
 }
 

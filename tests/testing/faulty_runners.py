@@ -13,7 +13,7 @@ from openprc.schema.dihedral import dihedral_angles
 
 class Restless(VerletRunner):
     def start(self, x, v):
-        return x, v + 1e-12 * np.random.default_rng().standard_normal(v.shape)
+        return x, v + 1e-12 * np.random.default_rng().standard_normal(v.shape) * [1.0, 0.0, 0.0]
 
 
 class Deaf(VerletRunner):
@@ -146,14 +146,14 @@ class Bent(VerletRunner):
 
 class Sticky(VerletRunner):
     def slowing(self, v):
-        return super().slowing(v) + 0.004 * self.masses()[:, None] * v
+        return super().slowing(v) + 0.003 * self.masses()[:, None] * v
 
 
 class Amnesic(VerletRunner):
     """Stores where the force of this instant would hold the body in balance."""
 
     def append(self, writer, time, x, v):
-        if len(self.body.masses) > 4:
+        if len(self.body.masses) > 8:
             still = self.body.positions.copy()
             for name, signal in self.driving().items():
                 still[-1, 1] += 0.1 * self.recorded(signal, time)[0] * (name != "")

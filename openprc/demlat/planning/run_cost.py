@@ -61,7 +61,8 @@ def run_cost(experiment: Experiment, limit: StepLimit) -> RunCost:
     evaluations = _evaluations(experiment, limit)
     dims = 2 if experiment.planar else 3
     n_inputs = 3 * len(experiment.signals)
-    row = 2 * dims * n_nodes + 3 * n_bars + 2 * n_hinges + n_inputs + 13
+    n_system = 13 + 2 * bool(len(geometry.bends))
+    row = 2 * dims * n_nodes + 3 * n_bars + 2 * n_hinges + n_inputs + n_system
     return RunCost(
         evaluations=evaluations,
         seconds=evaluations * (PER_EVALUATION + per_bar * n_bars + per_hinge * n_hinges),

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 #: Added to a singular matrix, relative to its largest diagonal entry.
 _SHIFT = 1e-11
 #: A solution that leaves more than this share of the right-hand side calls for row exchanges.
-_TRUSTED = 1e-6
+_TRUSTED = 1e-10
 #: A pivot this many times the largest diagonal entry comes from one that vanished before it.
 _GROWTH = 1e4
 #: Unknowns up to which eigenvalues are computed one by one where pivots do not tell.
-_SMALL = 3000
+_SMALL = 1000
 
 
 class SymmetricFactors:

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Fewer iterations than this let a step that was halved grow again ...
+#: Fewer iterations than this let the next step grow ...
 _FEW = 3
-#: ... by this factor.
+#: ... by this factor, ...
 _GROWTH = 1.5
-#: Share of the longest step with which a body without stiffness against its load begins.
-_SOFT_START = 0.04
+#: ... as long as it moves no node farther than this, in median bar lengths. A body without
+#: stiffness against its load begins with such a step.
+_SHORT = 0.02
 
 
 def arc_length_path(
@@ -38,8 +39,9 @@ def arc_length_path(
     limit point by itself. Corrections keep the displacement along the predictor:
     ``-(dp_0 . dr) / (dp_0 . dp)`` of the load, dp_0 that of the increment's beginning.
 
-    b is halved and the increment repeated when it takes more than the iterations allowed, and
-    grows back, by half, after one of less than three.
+    b is halved and the increment repeated when it takes more than the iterations allowed. After
+    an increment of less than three it grows by half, back to the first one or until a node
+    moves by a fiftieth of a bar, whichever is longer.
 
     Parameters
     ----------
@@ -137,11 +139,17 @@ class _ArcLength:
         """
         longest = self.balance.longest
         if self.tangent.n_zero and self.count == 0 and not self.given:
-            longest *= _SOFT_START
+            longest = _SHORT * self.balance.problem.length_scale
         if abs(self.b) * size > longest:
             self.b = float(np.copysign(longest / size, self.b))
             if self.count == 0:
                 self.first = self.b
+
+    def _grow(self, size: float) -> None:
+        """Let b grow after an easy increment; `size` [m] is what a b of 1 moves a node by."""
+        short = 0.0 if self.given else _SHORT * self.balance.problem.length_scale / size
+        longest = max(abs(self.first), abs(self.b), short)
+        self.b = float(np.copysign(min(abs(self.b) * _GROWTH, longest), self.b))
 
     def _increment(self, forward: Floats, predicted: float) -> PathPoint:
         balance, allowed = self.balance, self.balance.settings.max_iterations
@@ -158,7 +166,7 @@ class _ArcLength:
         self.x, self.factor, self.tangent, self.before = x, factor, tangent, forward
         self.count += 1
         if iteration < _FEW:
-            self.b = float(np.copysign(min(abs(self.b) * _GROWTH, abs(self.first)), self.b))
+            self._grow(np.abs(predicted * forward).max() / abs(self.b))
         return balance.point(x, factor, iterations=iteration, n_negative=tangent.n_negative)
 
     def _corrected(

@@ -101,12 +101,13 @@ def jump(balance: Balance, before: PathPoint, after: PathPoint) -> float:
     missing the body has jumped.
     """
     way = after.positions - before.positions
-    mean = 0.5 * (before.reactions + after.reactions + before.loads + after.loads)
-    work = float((mean * way).sum())
+    # Work as if the forces of either end had acted all the way.
+    works = [float(((p.reactions + p.loads) * way).sum()) for p in (before, after)]
     problem = balance.problem
     gained = problem.energy(after.positions) - problem.energy(before.positions)
-    missing = work - gained
-    return missing if missing > _MISSING * (abs(work) + abs(gained)) else 0.0
+    missing = 0.5 * sum(works) - gained
+    # Where the forces pass through zero their mean says nothing of the sizes involved.
+    return missing if missing > _MISSING * (max(map(abs, works)) + abs(gained)) else 0.0
 
 
 def _settle(balance: Balance, x: Floats) -> tuple[Floats, int, int | None]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import ConfigError, MissingData, ResultExists
+from openprc.errors import ConfigError, MissingData
 from openprc.schema import UNITS
 from openprc_merlin import exporter_laws, exporter_load, exporter_mesh, geometry
+from openprc_merlin.exported_file import new_file
 from openprc_merlin.exporter_laws import Laws, Scale
 from openprc_merlin.exporter_load import Drive
 from openprc_merlin.exporter_mesh import Mesh
@@ -55,25 +56,16 @@ class MerlinExporter:
             rest=str(options.get("rest") or "stored"),
             stride=int(options.get("stride", 1)),
         )
-        try:
-            # "x": nothing is ever written over.
-            with path.open("xb") as stream:
-                savemat(
-                    stream,  # type: ignore[arg-type] # the stubs know paths only
-                    variables,
-                    do_compression=bool(options.get("compress", True)),
-                    long_field_names=True,
-                    oned_as="column",
-                )
-                stream.seek(0)
-                stream.write(_HEADER)
-        except FileExistsError:
-            raise ResultExists(
-                "a file of this name exists",
-                expected="a new name",
-                fix="choose another name, or delete it",
-                file=path,
-            ) from None
+        with new_file(path) as stream:
+            savemat(
+                stream,  # type: ignore[arg-type] # the stubs know paths only
+                variables,
+                do_compression=bool(options.get("compress", True)),
+                long_field_names=True,
+                oned_as="column",
+            )
+            stream.seek(0)
+            stream.write(_HEADER)
         return [path]
 
 

@@ -190,8 +190,8 @@ def _hinges(
         exponents = _static(trajectory, "hinges", "moment_exponent", rows)
         power = power if exponents is None else exponents
     if trajectory.has("/topology/hinges/law"):
-        curved = [law == "four-thirds" for law in _laws_of_hinges(trajectory)]
-        power = np.where(np.array(curved)[rows], 4 / 3, 1.0)
+        named = np.array(_laws_of_hinges(trajectory))[rows]
+        power = np.where(named == "four-thirds", 4 / 3, 1.0)
     if moment is None:
         notes.append("the stiffness of the hinges is not known: it is left out")
         return None, False
@@ -221,7 +221,7 @@ def _limits(trajectory: Trajectory, notes: list[str]) -> tuple[float, float] | N
     if trajectory.has("/extensions/openprc-merlin/limits"):
         low, high = (float(value) for value in trajectory.extension("openprc-merlin", "limits"))
         return low, high
-    if "openprc-merlin" in trajectory.extensions:
+    if trajectory.has("/extensions/openprc-merlin/solver"):
         notes.append("the limits of the linear range of the hinges are not known")
         return None
     if not trajectory.has("/topology/hinges/limit_low"):

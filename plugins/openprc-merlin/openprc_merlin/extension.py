@@ -19,10 +19,15 @@ VERSION = "1.0"
 def check(trajectory: Trajectory) -> Iterable[Finding]:
     """Yield what is wrong with the subtree.
 
-    ``increments`` holds the increment number of every frame, 0 for the initial state.
+    ``increments`` holds the increment number of every frame, 0 for the initial state. It may
+    be left out where the clock counts increments.
     """
     base = f"/extensions/{NAME}"
     if not trajectory.has(f"{base}/increments"):
+        if trajectory.time_kind == "pseudo" and np.array_equal(
+            trajectory.time, np.arange(trajectory.n_frames)
+        ):
+            return
         yield Finding(
             code="MERLIN-01",
             level="error",

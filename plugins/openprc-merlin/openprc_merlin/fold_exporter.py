@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import ConfigError, MissingData, ResultExists
+from openprc.errors import ConfigError, MissingData
 from openprc_merlin import geometry
+from openprc_merlin.exported_file import new_file
 from openprc_merlin.fold_creases import Creases, creases_of
 from openprc_merlin.fold_units import frame_unit
 
@@ -73,24 +74,15 @@ class FoldExporter:
         frames = np.arange(0, trajectory.n_frames, stride)
         states = _states(trajectory, creases, frames, stride)
         key = {**_envelope(trajectory, creases, frames), **next(states)}
-        try:
-            # "x": nothing is ever written over.
-            with path.open("x", encoding="utf-8", newline="\n") as stream:
-                stream.write("{\n")
-                for name, value in key.items():
-                    stream.write(f"{json.dumps(name)}: {_text(value)},\n")
-                stream.write('"file_frames": [')
-                for number, state in enumerate(states):
-                    state = {"frame_inherit": True, "frame_parent": 0, **state}
-                    stream.write((",\n" if number else "\n") + _text(state))
-                stream.write("\n]}\n")
-        except FileExistsError:
-            raise ResultExists(
-                "a file of this name exists",
-                expected="a new name",
-                fix="choose another name, or delete it",
-                file=path,
-            ) from None
+        with new_file(path) as stream:
+            stream.write(b"{\n")
+            for name, value in key.items():
+                stream.write(f"{json.dumps(name)}: {_text(value)},\n".encode())
+            stream.write(b'"file_frames": [')
+            for number, state in enumerate(states):
+                state = {"frame_inherit": True, "frame_parent": 0, **state}
+                stream.write(((",\n" if number else "\n") + _text(state)).encode())
+            stream.write(b"\n]}\n")
         return [path]
 
 

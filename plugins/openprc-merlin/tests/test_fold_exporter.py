@@ -165,6 +165,8 @@ def test_refusals(mat, load, space, tmp_path):
         writer.append(1.0, positions=[[0, 0], [np.nan] * 2], observed=[1, 0])
     with pytest.raises(MissingData, match="node 1 is missing in frame 1"):
         export_file(gap, tmp_path / "a.fold")
+    with Trajectory(gap) as trajectory, pytest.raises(MissingData, match="node 1 is missing"):
+        FoldExporter().export(trajectory, tmp_path / "a.fold", options={})
     assert not (tmp_path / "a.fold").exists()
 
 

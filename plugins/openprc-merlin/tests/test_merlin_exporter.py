@@ -159,6 +159,37 @@ def test_laws_of_a_simulated_sheet_become_constants(tmp_path):
     }
 
 
+def test_native_runs_that_say_their_load_are_whole_workspaces(tmp_path):
+    """What a runner of the plugin keeps under its extension is the reference load and supports."""
+    path = tmp_path / "native.h5"
+    reference = np.zeros((4, 3))
+    reference[3, 2] = 2.5
+    held = np.ones((4, 3), "u1")
+    held[3] = 0
+    with TrajectoryWriter(path, provenance=Provenance("test")) as writer:
+        writer.declare_time(unit="1", kind="pseudo")
+        writer.declare_nodes(4, 3, unit="m", rest=samples.REST)
+        writer.declare_elements("bars", samples.BARS - 1)
+        static = {"law": (["enhanced-linear"], None), "limit_low": (np.array([0.5]), "rad"),
+                  "limit_high": (np.array([5.5]), "rad"), "rest_angle": (np.array([3.0]), "rad"),
+                  "stiffness": (np.array([0.4]), "N*m/rad")}  # fmt: skip
+        writer.declare_elements("hinges", [[1, 2, 0, 3]], static=static)
+        writer.declare_input("load", ["load factor"], quantity="load factor", unit="1")
+        writer.declare_extension("openprc-merlin", "1.0")
+        writer.put_extension("openprc-merlin", "held", held)
+        writer.put_extension("openprc-merlin", "reference_load", reference, unit="N")
+        for frame in range(3):
+            points = samples.REST + np.outer([0, 0, 0, 1], [0, 0, 0.1 * frame])
+            writer.append(float(frame), positions=points, inputs={"load": [0.25 * frame]})
+    with Trajectory(path) as trajectory:
+        made = exporter.workspace(trajectory)
+    assert made["AnalyInputOpt"]["LoadType"] == "Force"
+    np.testing.assert_array_equal(made["Load"], [[4.0, 0.0, 0.0, 2.5]])
+    np.testing.assert_array_equal(made["Fhis"], [[0.25], [0.5]])
+    assert made["truss"]["FixedDofs"].ravel().tolist() == list(range(1, 10))
+    assert made["limlft"] == pytest.approx(np.rad2deg(0.5))
+
+
 def test_planar_bodies_get_a_held_third_axis(tmp_path):
     path = tmp_path / "flat.h5"
     with TrajectoryWriter(path, provenance=Provenance("test")) as writer:

@@ -90,6 +90,13 @@ def test_extension_check_finds_faults(mat, load, space, tmp_path):
     with h5py.File(path, "r+") as file:
         del file["extensions/openprc-merlin/increments"]
     with Trajectory(path) as tr:
+        # A clock that counts increments says it as well.
+        assert list(extension.check(tr)) == []
+    timed = load(mat(space), dt=0.5)
+    timed.trajectory.close()
+    with h5py.File(timed.path, "r+") as file:
+        del file["extensions/openprc-merlin/increments"]
+    with Trajectory(timed.path) as tr:
         assert [finding.code for finding in extension.check(tr)] == ["MERLIN-01"]
 
 

@@ -25,8 +25,7 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
     UnreadableFile
         When a file is of a kind that is not read.
     """
-    pvd = path.suffix.lower() == ".pvd" and not path.is_dir()
-    listing = numbered.listed(path) if pvd else numbered.numbered(path, SUFFIXES)
+    listing = _listing(path)
     strange = [file for file in listing.files if file.suffix.lower() not in SUFFIXES]
     if strange:
         raise UnreadableFile(
@@ -54,6 +53,15 @@ def open_series(path: Path, *, reader: str | None = None) -> Series:
     # The host hashes what was named: of a folder, every file below it.
     others = [] if path.is_dir() else [f for f in listing.files if f.resolve() != named]
     return Series(path, frames, listing.times, listing.numbers, sources=others, notes=notes)
+
+
+def _listing(path: Path) -> numbered.Listing:
+    suffix = "" if path.is_dir() else path.suffix.lower()
+    if suffix == ".pvd":
+        return numbered.listed(path)
+    if suffix == ".series":
+        return numbered.listed_in_json(path)
+    return numbered.numbered(path, SUFFIXES)
 
 
 class _Files(Sequence[Frame]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, NotATrajectory, UnreadableFile
+from openprc.schema import safety
 from openprc_meshio import safe_xml
 
 _NUMBER = re.compile(r"(\d+)(?!.*\d)")
@@ -114,16 +116,40 @@ def listed(path: Path) -> Listing:
     collection = root.find("Collection")
     if root.tag != "VTKFile" or collection is None:
         raise _wrong(path, f"the root element is {root.tag!r}", "a VTKFile with a Collection")
+    items = collection.findall("DataSet")
+    return _ordered(path, [(item.get("timestep", ""), item.get("file", "")) for item in items])
+
+
+def listed_in_json(path: Path) -> Listing:
+    """Return the series that a ``.series`` file of ParaView lists.
+
+    Raises
+    ------
+    UnreadableFile, UnsafeFile, NotATrajectory
+        As `listed`.
+    """
+    safety.check_readable(path)
+    try:
+        files = json.loads(path.read_bytes())["files"]
+        rows = [(str(item["time"]), str(item["name"])) for item in files]
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise _wrong(
+            path, f"no list of files: {type(error).__name__} {error}", "files with name and time"
+        ) from None
+    return _ordered(path, rows)
+
+
+def _ordered(path: Path, found: list[tuple[str, str]]) -> Listing:
+    """Return files in order of time; `found` are times and names."""
     rows: list[tuple[float, Path]] = []
-    for number, item in enumerate(collection.findall("DataSet")):
-        text = item.get("timestep", "")
+    for number, (text, name) in enumerate(found):
         try:
             time = float(text)
         except ValueError:
             time = math.nan
         if not math.isfinite(time):
             raise _wrong(path, f"data set {number} is at time {text!r}", "a number")
-        rows.append((time, safe_xml.inside(item.get("file", ""), of=path)))
+        rows.append((time, safe_xml.inside(name, of=path)))
     rows.sort(key=lambda row: row[0])
     for (time, file), (later, other) in pairwise(rows):
         if not later > time:

@@ -13,7 +13,7 @@ from openprc_meshio.mesh_files import FORMATS
 from openprc_meshio.numbered import family
 
 _XDMF = (".xdmf", ".xmf", ".xdmf3", ".xdmf2")
-_LISTS = (*_XDMF, ".pvd", ".vtkhdf")
+_LISTS = (*_XDMF, ".pvd", ".series", ".vtkhdf")
 _HEAD = 4096
 #: What stands near the beginning of the formats that are told by their content.
 _SIGNS = {
@@ -54,7 +54,7 @@ def kind_of(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix in _XDMF:
         return "xdmf"
-    if suffix in FORMATS or suffix == ".pvd":
+    if suffix in FORMATS or suffix in (".pvd", ".series"):
         return "files"
     head = _head(path)
     if b"<Xdmf" in head:
@@ -73,7 +73,7 @@ def sureness(path: Path) -> float:
             return _sureness_of_hdf5(path)
         if b"<Xdmf" in head:
             return 1.0
-        if b"<VTKFile" in head and b'"Collection"' in head:
+        if (b"<VTKFile" in head and b'"Collection"' in head) or b'"file-series-version"' in head:
             return 1.0
         if suffix in FORMATS:
             signs = _SIGNS.get(suffix, ())

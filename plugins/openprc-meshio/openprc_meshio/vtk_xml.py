@@ -1,7 +1,8 @@
 """VTK's XML files of polygonal data (``.vtp``) and unstructured grids (``.vtu``).
 
-meshio and meshlane do not know ``.vtp``, nor newer versions of ``.vtu``, and unpack LZMA without a
-limit. Format: https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html
+meshio and meshlane do not know ``.vtp``, nor newer versions of ``.vtu``; they fail on some of the
+files with bytes at the end that ParaView writes by default, and unpack LZMA without a limit.
+Format: https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import math
 import zlib
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -164,12 +164,12 @@ class VtkXmlFrame:
 
     def _bytes(self, item: Element, size: int) -> bytes:
         if item.get("format") != "appended":
-            return self._unpack(_Base64((item.text or "").strip()), size)
+            text = "".join((item.text or "").split())
+            return self._unpack(_Base64(text.encode()), size)
         start = int(item.get("offset", "x"))
         raw = self._root.find("AppendedData")
-        if raw is not None and raw.get("encoding") == "raw":
-            return self._unpack(_Raw(self._appended[start:]), size)
-        return self._unpack(_Base64(self._appended[start:].decode("ascii", "replace")), size)
+        stored = _Raw if raw is not None and raw.get("encoding") == "raw" else _Base64
+        return self._unpack(stored(self._appended, start), size)
 
     @cached_property
     def _appended(self) -> bytes:
@@ -177,13 +177,13 @@ class VtkXmlFrame:
         start = data.find(b"_", data.find(b">", data.find(b"<AppendedData")))
         return data[start + 1 :]
 
-    def _unpack(self, source: _Base64 | _Raw, size: int) -> bytes:
+    def _unpack(self, source: _Raw, size: int) -> bytes:
         """Return `size` bytes: as they are, or unpacked block by block and never beyond."""
         step = self._head.itemsize
         packer = self._root.get("compressor")
         if packer is None:
             return source.take(step + size)[step:]
-        count = int(np.frombuffer(source.take(step, more=True), self._head)[0])
+        count = int(np.frombuffer(source.take(step), self._head)[0])
         if count > MAX_RATIO * self.path.stat().st_size:
             raise ValueError(f"{count} blocks")
         head = source.take(step * (3 + count))
@@ -210,40 +210,33 @@ def _expand(data: bytes, packer: str, room: int) -> bytes:
 
 
 class _Raw:
-    """Bytes as they stand in the file: a head, and numbers behind it."""
+    """Bytes as they stand in the file from `start` on: a head, and numbers behind it."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, start: int = 0) -> None:
         self._data = data
-        self._start = 0
+        self._start = start
+        self._behind = start
 
-    def take(self, size: int, *, more: bool = False) -> bytes:
-        """Return the first bytes; with `more` the head will be asked for again, longer."""
-        if not more:
-            self._start = size
-        return self._data[:size]
+    def take(self, size: int) -> bytes:
+        """Return the first bytes; `rest` goes on behind them."""
+        self._behind = self._start + size
+        return self._data[self._start : self._behind]
 
     def rest(self, size: int) -> bytes:
-        """Return bytes behind the head."""
-        return self._data[self._start : self._start + size]
+        """Return bytes behind those that were taken last."""
+        return self._data[self._behind : self._behind + size]
 
 
 class _Base64(_Raw):
     """The same in base64, where head and packed numbers are encoded apart."""
 
-    def __init__(self, text: str) -> None:
-        super().__init__(b"")
-        self._text = text
-
-    def take(self, size: int, *, more: bool = False) -> bytes:
-        """Return the first bytes."""
-        length = 4 * math.ceil(size / 3)
-        if not more:
-            self._start = length
-        return base64.b64decode(self._text[:length])[:size]
+    def take(self, size: int) -> bytes:
+        """Return the first bytes; `rest` goes on behind them."""
+        return base64.b64decode(super().take(4 * math.ceil(size / 3)))[:size]
 
     def rest(self, size: int) -> bytes:
-        """Return bytes behind the head."""
-        return base64.b64decode(self._text[self._start : self._start + 4 * math.ceil(size / 3)])
+        """Return bytes behind those that were taken last."""
+        return base64.b64decode(super().rest(4 * math.ceil(size / 3)))[:size]
 
 
 def reads(path: Path) -> bool:
@@ -254,10 +247,13 @@ def reads(path: Path) -> bool:
     UnreadableFile, UnsafeFile
         When it is not XML, or not safe.
     """
-    root: Any = safe_xml.parse(path, stop_at="AppendedData")
+    root = safe_xml.parse(path, stop_at="AppendedData")
+    bytes_behind = root.find("AppendedData")
     usual = (None, "vtkZLibDataCompressor")
     return (
-        root.get("type") == "PolyData"
+        path.suffix.lower() == ".vtp"
+        or root.get("type") == "PolyData"
+        or (bytes_behind is not None and bytes_behind.get("encoding") == "raw")
         or root.get("compressor") not in usual
         or root.get("version", "1.0") not in ("0.1", "1.0")
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
@@ -103,6 +104,25 @@ def test_a_list_gives_the_times(series, load, motion):
     assert MeshSeriesImporter().sniff(folder / "run.pvd") == 1.0
 
 
+def test_the_list_that_paraview_writes(series, load, motion):
+    folder = series(".vtu")
+    rows = [{"name": f"body_{k:04d}.vtu", "time": 0.5 * k} for k in (1, 0, 2)]
+    path = folder / "body.vtu.series"
+    path.write_text(json.dumps({"file-series-version": "1.0", "files": rows}))
+    assert MeshSeriesImporter().sniff(path) == 1.0
+    found = load(path)
+    np.testing.assert_array_equal(found.run.positions(), motion[:3])
+    np.testing.assert_array_equal(found.run.time, [0.0, 0.5, 1.0])
+    for text, words in (
+        ('{"files": 3}', "no list of files: TypeError"),
+        ("{", "no list of files: JSONDecodeError"),
+        ('{"files": [{"name": "body_0000.vtu", "time": "x"}]}', "data set 0 is at time 'x'"),
+    ):
+        path.write_text(text)
+        with pytest.raises(UnreadableFile, match=words):
+            load(path)
+
+
 @pytest.mark.parametrize(
     ("rows", "error", "words"),
     [
@@ -175,13 +195,6 @@ def test_polygonal_data_in_an_old_file_is_named_by_the_reader(tmp_path, load, ca
     with pytest.raises(UnreadableFile, match=rf"{reader} cannot read it: .*not POLYDATA"):
         load(tmp_path / "a0.vtk", reader=reader)
     assert capfd.readouterr() == ("", "")
-
-
-def test_an_old_file_of_polygons_in_xml(tmp_path, load):
-    for k in range(2):
-        (tmp_path / f"a{k}.vtu").write_text('<VTKFile type="PolyData"><PolyData/></VTKFile>')
-    with pytest.raises(UnreadableFile, match="a VTK file of type 'PolyData'"):
-        load(tmp_path / "a0.vtu")
 
 
 def test_what_a_reader_says_becomes_a_note(series, load, monkeypatch, package, capfd):

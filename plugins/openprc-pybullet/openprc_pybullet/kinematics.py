@@ -280,8 +280,11 @@ class Model:
         for flag in _TELLING_FLAGS:
             if flag in self.flags:
                 continue
-            with quiet():
-                other = self._load_urdf(p, c, (*self.flags, flag))
+            try:
+                with quiet():
+                    other = self._load_urdf(p, c, (*self.flags, flag))
+            except p.error:  # then no script loaded it so either
+                continue
             if self._shape_of(other) != self._shape_of(self._id):
                 found.append(flag)
             p.removeBody(other, physicsClientId=c)

@@ -72,12 +72,15 @@ def describe_body(connection: Connection, body: int) -> BodyTree:
         info = p.getJointInfo(body, joint, c)
         dynamics = p.getDynamicsInfo(body, joint, c)
         frames.append(dynamics[3:5])
-        links.append(
-            Link(info[12].decode(), float(dynamics[0]), info[16], info[1].decode(), info[2])
-        )
-    name = p.getBodyInfo(body, c)[0].decode() or "base"
+        name, joint_name = _text(info[12]), _text(info[1])
+        links.append(Link(name, float(dynamics[0]), info[16], joint_name, info[2]))
+    name = _text(p.getBodyInfo(body, c)[0]) or "base"
     centres, axes = (np.array(values) for values in zip(*frames, strict=True))
     return BodyTree(body, base[10], name, float(base[0]), tuple(links), centres, axes)
+
+
+def _text(name: bytes) -> str:
+    return name.decode("utf-8", "replace")
 
 
 class RigidPart:

@@ -105,6 +105,13 @@ class Recorder:
             if tree.kind == SOFT:
                 parts.append(SoftPart(connection, tree.body, told.get(tree.body, SoftBody())))
         if contacts:
+            if not rigid:
+                raise ConfigError(
+                    "contacts of soft bodies were asked for",
+                    expected="a rigid body: PyBullet tells contacts of those only",
+                    fix="leave contacts out, or name the rigid body with bodies",
+                    key="contacts",
+                )
             parts.append(
                 ContactPart(
                     connection,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from openprc.errors import UnreadableFile, UnsupportedScene
+from openprc.errors import ConfigError, UnreadableFile, UnsupportedScene
 from openprc.hooks import record_run
 
 N = 5  # vertices along an edge of the cloth
@@ -174,6 +174,12 @@ def test_contacts_carry_the_weight(world, tmp_path, recorded, by):
     assert run.channel("contact_count")[0].tolist() == [0, 0]
     names = run.channel_columns("contact_count")
     assert names == (("body1", "body2") if by != "links" else tuple(run.node("label").tolist()))
+
+
+def test_contacts_of_soft_bodies_are_not_told(cloth, tmp_path):
+    _, client, _, _ = cloth
+    with pytest.raises(ConfigError, match="contacts of soft bodies were asked for"):
+        record_run(client, tmp_path / "run.h5", producer="pybullet", contacts=True)
 
 
 def test_static_bodies_are_left_out_unless_named(world, tmp_path, recorded):

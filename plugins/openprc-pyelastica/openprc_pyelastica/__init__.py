@@ -74,6 +74,13 @@ _RUN_OPTIONS = (
         kind="float",
     ),
     OptionSpec(
+        "section",
+        "Whether a rod thins as it is drawn out, which is PyElastica's law, or keeps its section, "
+        "whose tension is that of a linear bar.",
+        default="thinning",
+        choices=("thinning", "constant"),
+    ),
+    OptionSpec(
         "clamp",
         "What two fixed nodes at an end become: a held node and a held element as in "
         "OneEndFixedBC, whose shear moves the second node a little; or two held nodes.",

@@ -23,9 +23,12 @@ class RodFrames:
     ----------
     experiment : Experiment
     writer : TrajectoryWriter
+    thinning : bool
+        Whether the section of a rod thins as it is drawn out.
     """
 
-    def __init__(self, experiment: Experiment, writer: TrajectoryWriter) -> None:
+    def __init__(self, experiment: Experiment, writer: TrajectoryWriter, *, thinning: bool) -> None:
+        self.thinning = thinning
         self.experiment = experiment
         self.writer = writer
         self.dims = 2 if experiment.planar else 3
@@ -92,9 +95,8 @@ class RodFrames:
         if self.stored.elements:
             elements["bars", "length"] = length
             elements["bars", "strain"] = length / bars.rest_length - 1.0
-            # The tension of an element whose section thins as it is drawn out.
-            tension = bars.stiffness * bars.relaxed_length * (1.0 - 1.0 / stretch)
-            elements["bars", "force"] = tension
+            tension = bars.stiffness * (length - bars.relaxed_length)
+            elements["bars", "force"] = tension / stretch if self.thinning else tension
             if len(bends):
                 angle = bend_angles(positions, bends.indices)
                 elements["bends", "angle"] = angle

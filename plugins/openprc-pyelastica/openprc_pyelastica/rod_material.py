@@ -89,6 +89,7 @@ def checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
         "poisson": 0.5,
         "shear_scale": 1.0,
         "radius": None,
+        "section": "thinning",
         "clamp": "element",
         "substeps": "1",
     } | dict(options)

@@ -38,6 +38,24 @@ class _NodeForces(ea.NoForces):  # type: ignore[misc]
         system.external_forces += self.forces
 
 
+class _ConstantSection(ea.NoForces):  # type: ignore[misc]
+    """Makes up for the section that thins: from the tension ``EA (e - 1) / e`` to ``EA (e - 1)``.
+
+    A spring beside every element, whose force depends on the stretch e alone.
+    """
+
+    def __init__(self, stretch: NDArray[np.float64]) -> None:
+        super().__init__()
+        self.stretch = stretch
+
+    def apply_forces(self, system: Any, time: float = 0.0) -> None:
+        # Both are of this instant: internal forces are computed just before.
+        e = system.dilatation
+        more = self.stretch * (e - 1.0) ** 2 / e * system.tangents
+        system.external_forces[:, :-1] += more
+        system.external_forces[:, 1:] -= more
+
+
 class _Motion:
     """Where driven coordinates of one rod are in the middle and at the end of a step."""
 
@@ -128,6 +146,8 @@ class RodScene:
                 self._simulator.constrain(rod).using(_AfterKick, held, part.motion, factor)
             if self._weight.any() or len(self._forces):
                 self._simulator.add_forcing_to(rod).using(_NodeForces, part.forces)
+            if options["section"] == "constant":
+                self._simulator.add_forcing_to(rod).using(_ConstantSection, material.stretch)
             part.forces[:] = self._weight[:, chain.nodes]
             self.parts.append(part)
         self._simulator.finalize()

@@ -65,16 +65,21 @@ def run(
 
     dt = experiment.save_interval / (experiment.steps_per_frame * substeps)
     scene = RodScene(experiment, options=chosen, dt=dt)
-    frames = RodFrames(experiment, writer)
+    thinning = chosen["section"] == "thinning"
+    frames = RodFrames(experiment, writer, thinning=thinning)
     for remark in _remarks(scene, limit):
         writer.note(remark)
     frames.declare()
     loop = _Loop(experiment, scene, frames, limit)
     loop.run(progress, steps=experiment.steps_per_frame * substeps)
-    writer.note(
+    law = (
         "the section of a rod thins as it is drawn out, so that its tension is EA e / (1 + e) at "
-        f"the strain e, not EA e; the largest strain of a frame is {frames.largest_strain:.3g}"
+        "the strain e, not EA e (section=constant makes up for it)"
+        if thinning
+        else "springs beside the elements make up for the section that thins in PyElastica, so "
+        "that the tension is EA e at the strain e"
     )
+    writer.note(f"{law}; the largest strain of a frame is {frames.largest_strain:.3g}")
 
 
 def _substeps(experiment: Experiment, limit: StepLimit, wanted: int | str) -> int:

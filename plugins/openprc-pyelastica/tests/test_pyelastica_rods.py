@@ -243,6 +243,26 @@ def test_a_large_swing(make_chain, make_experiment, run_rods):
     assert np.abs(run.element("bars", "strain")).max() < 2e-3
 
 
+@pytest.mark.parametrize(("section", "exact"), [("thinning", 0.053663), ("constant", 0.050930)])
+def test_axial_stretching(make_chain, make_experiment, run_rods, section, exact):
+    """F L / (EA - F) of a rod of constant volume (PyElastica alone: 0.053660), F L / EA of bars."""
+    n, radius, modulus = 19, 0.025, 1e4
+    area = math.pi * radius**2
+    assert exact == pytest.approx(1.0 / (modulus * area - (section == "thinning")), rel=1e-5)
+    geometry = make_chain(n, radius=radius, modulus=modulus, fixed=(0,))
+    experiment = make_experiment(
+        geometry,
+        duration=40.0,
+        dt=1e-3,
+        save_interval=1.0,
+        damping=2.0 * geometry.masses.mean(),
+        **constant_force(1.0, node=n, axis=0),
+    )
+    run = run_rods(experiment, section=section, substeps="auto")
+    assert run.positions()[-1, -1, 0] - 1.0 == pytest.approx(exact, rel=1e-4)
+    np.testing.assert_allclose(run.element("bars", "force")[-1], 1.0, rtol=1e-6)
+
+
 # --- motion that is closed form -------------------------------------------------------------------
 
 

@@ -1,0 +1,15 @@
+"""The kit on the mesh importer and the exporters for ParaView."""
+
+from openprc_meshio import openprc_exporters, openprc_producers
+
+from openprc.testing import ExporterCase, ImporterCase, parametrize_with_checks
+
+CASES = [
+    *(ImporterCase(spec, heavy=("meshio",)) for spec in openprc_producers()),
+    *(ExporterCase(spec, importer="meshio") for spec in openprc_exporters()),
+]
+
+
+@parametrize_with_checks(CASES)
+def test_conforms(case, check, tmp_path):
+    check(case, tmp_path)

@@ -1,0 +1,18 @@
+"""The kit on the importer and the runner for PyElastica."""
+
+from openprc_pyelastica import openprc_producers
+from openprc_pyelastica.samples import driven_chain
+
+from openprc.testing import ImporterCase, RunnerCase, parametrize_with_checks
+
+(SPEC,) = openprc_producers()
+CASES = [
+    ImporterCase(SPEC, heavy=("elastica",)),
+    # The simulator compiles for most of a minute where its cache cannot be written.
+    RunnerCase(SPEC, scene=driven_chain, slow=("RUN", "PHYS", "PIPE")),
+]
+
+
+@parametrize_with_checks(CASES)
+def test_conforms(case, check, tmp_path):
+    check(case, tmp_path)
