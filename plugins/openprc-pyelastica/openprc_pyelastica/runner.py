@@ -73,12 +73,13 @@ def run(
     loop = _Loop(experiment, scene, frames, limit)
     loop.run(progress, steps=experiment.steps_per_frame * substeps)
     law = (
-        "the section of a rod thins as it is drawn out, so that its tension is EA e / (1 + e) at "
-        "the strain e, not EA e (section=constant makes up for it)"
+        "the section of a rod thins as it is drawn out: at the strain e its tension is "
+        "EA e / (1 + e), not EA e (section=constant makes up for it)"
         if thinning
         else "springs beside the elements make up for the section that thins in PyElastica, so "
         "that the tension is EA e at the strain e"
     )
+    law += ", and its couples are 1 / (1 + e)^3 of those without strain"
     writer.note(f"{law}; the largest strain of a frame is {frames.largest_strain:.3g}")
 
 

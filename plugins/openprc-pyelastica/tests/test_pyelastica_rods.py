@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from openprc_pyelastica.samples import driven_chain
 
+from openprc.demlat.producer import DemlatProducer
+from openprc.hooks.running import simulate
+from openprc.schema import Provenance, Trajectory
 from openprc.schema.experiment import Actuator, Signal
 
 pytestmark = [
@@ -261,6 +266,31 @@ def test_axial_stretching(make_chain, make_experiment, run_rods, section, exact)
     run = run_rods(experiment, section=section, substeps="auto")
     assert run.positions()[-1, -1, 0] - 1.0 == pytest.approx(exact, rel=1e-4)
     np.testing.assert_allclose(run.element("bars", "force")[-1], 1.0, rtol=1e-6)
+
+
+def test_it_moves_as_bars_and_bends_do(make_experiment, run_rods, tmp_path):
+    """Against the native engine, with what it has not made small: strain, shear, inertia."""
+    plain = driven_chain(n_symbols=6)
+    bars = plain.geometry.bars
+    stiff = replace(plain.geometry, bars=replace(bars, stiffness=400.0 * bars.stiffness))
+    experiment = replace(plain, geometry=stiff, dt=2.5e-5)
+    path = tmp_path / "bars.h5"
+    simulate(
+        experiment,
+        DemlatProducer(),
+        target=path,
+        provenance=Provenance("demlat"),
+        owner="openprc/demlat",
+    )
+    rod = run_rods(experiment, clamp="nodes", section="constant", radius=0.002, substeps="auto")
+    with Trajectory(path) as native:
+        reach = np.ptp(native.positions()[:, -1, 0])
+        assert np.abs(rod.positions() - native.positions()).max() < 2e-3 * reach
+        angle = native.element("bends", "angle")
+        assert np.abs(rod.element("bends", "angle") - angle).max() < 3e-3
+        np.testing.assert_array_equal(rod.input("push").value, native.input("push").value)
+        np.testing.assert_array_equal(rod.time, native.time)
+        assert rod.node("fixed").tolist() == native.node("fixed").tolist()
 
 
 # --- motion that is closed form -------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import runpy
 from pathlib import Path
@@ -114,6 +115,8 @@ def test_it_is_a_reservoir(sample, run):
 @pytest.mark.skipif(importlib.util.find_spec("elastica") is None, reason="needs pyelastica")
 @pytest.mark.filterwarnings("default")  # the simulator's own warnings are not ours
 def test_the_script_makes_the_first_samples_again():
+    if importlib.metadata.version("pyelastica") == "0.3.3":
+        pytest.skip("PyElastica 0.3.3 never calls its dampers, so that the rod swings on")
     script = runpy.run_path(str(SCRIPT))
     again = script["simulate"](script["Setting"](), n_symbols=5)
     with np.load(RECORDED) as recorded:
