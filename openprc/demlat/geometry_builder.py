@@ -156,7 +156,7 @@ class GeometryBuilder:
         damping : float [N*m*s/rad]
         rigid : bool
             The angle is a constraint.
-        law : {"linear", "enhanced-linear"}
+        law : {"linear", "enhanced-linear", "four-thirds"}
             See `openprc.schema.experiment.Hinges`.
         limits : (low, high) [rad], optional
             Angles between which the hinge is linear; pi/4 and 7 pi/4 for "enhanced-linear",

@@ -46,8 +46,9 @@ def _body(*, bars: dict[str, Any] | None = None, **columns: Any) -> Geometry:
     return bodies.body(**(given | columns))
 
 
-def _driven(kind: ActuatorType) -> dict[str, Any]:
-    value = {"position": 0.01, "force": 0.5, "velocity": 0.1}[kind]
+def _driven(kind: ActuatorType, *, factor: float = 1.0) -> dict[str, Any]:
+    """Return a ramp that drives a node out of the plane, `factor` times as far as it might."""
+    value = factor * {"position": 0.01, "force": 0.5, "velocity": 0.1}[kind]
     drive = Signal(name="u", values=np.linspace(0.0, value, 11), dt=0.01, interpolation="linear")
     actuator = Actuator(node=2, signal="u", type=kind, axes=(False, False, True))
     return {"signals": {"u": drive}, "actuators": (actuator,)}
@@ -89,9 +90,9 @@ def probes(case: RunnerCase) -> dict[str, tuple[Experiment, Experiment]]:
             indices=[[0, 1, 2, 3]], stiffness=[0.5], rest_angle=[2.5]))),
         "bends": of(geometry=_body(bends=bodies.bends(
             indices=[[2, 0, 3]], stiffness=[0.5], rest_angle=[1.0]))),
-        "forces": of(**_driven("force")),
-        "prescribed positions": of(**_driven("position")),
-        "prescribed velocities": of(**_driven("velocity")),
+        "forces": of(**_driven("force", factor=2.0)),
+        "prescribed positions": of(**_driven("position", factor=2.0)),
+        "prescribed velocities": of(**_driven("velocity", factor=2.0)),
         "contact": (
             replace(plain, geometry=touching, collision=Collision(enabled=True, radius=0.04)),
             replace(plain, geometry=touching),

@@ -230,7 +230,7 @@ def test_sensors_read_what_features_read(tmp_path):
     loader = StateLoader(result.path)
     sensors = Sensors("bend_angles", ids=[0, 2])
     body = SteppedExperiment(scene, hold=0.1, sensors=[sensors])
-    assert body.names == tuple(feature.feature_names(loader))
+    assert body.names == tuple(feature.names(loader))
     states = body.run(push.values[:, 0])
     np.testing.assert_allclose(states, feature.transform(loader)[1:], rtol=0, atol=1e-12)
     with pytest.raises(ConfigError, match="bend 3 of 3"):

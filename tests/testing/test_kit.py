@@ -141,7 +141,9 @@ def test_one_test_for_each_case_and_check():
 def test_tests_fail_skip_and_expect(tmp_path):
     def call(case, name):
         made = parameters(case)[f"{case.name}-importer-{name}"]
-        made.values[1](case, tmp_path)
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        made.values[1](case, folder)
 
     call(good(), "SNIFF-1")
     with pytest.raises(CheckFailed, match="SNIFF-1"):
@@ -161,7 +163,7 @@ def test_tests_fail_skip_and_expect(tmp_path):
 def test_a_distribution_is_checked_without_pytest():
     report = check_distribution("openprc-example", wanted=("SPEC", "IMPORT-1"))
     assert report.ok
-    assert [(case.name, case.kind) for case in report.cases][0] == ("csv", "importer")
+    assert (report.cases[0].name, report.cases[0].kind) == ("csv", "importer")
     ids = [outcome.check for outcome in report.cases[0].outcomes]
     assert ids == ["SPEC-1", "SPEC-2", "SPEC-3", "SPEC-4", "SPEC-5", "IMPORT-1"]
     plain = json.loads(json.dumps(report.as_dict()))

@@ -110,7 +110,8 @@ def collect(trajectory: Trajectory, mesh: Mesh, scale: Scale) -> Laws:
         rest = _static(trajectory, "hinges", "rest_angle", mesh.hinge_rows)
         if rest is None:
             notes.append("the rest angles are not known: pf0 and pb0 are left out")
-    return Laws(c0, area, stiffness, rest, _limits(trajectory, notes), four_thirds, tuple(notes))
+    limits = None if stiffness is None else _limits(trajectory, notes)
+    return Laws(c0, area, stiffness, rest, limits, four_thirds, tuple(notes))
 
 
 def _static(trajectory: Trajectory, kind: str, name: str, rows: NDArray[np.int64]) -> Any:

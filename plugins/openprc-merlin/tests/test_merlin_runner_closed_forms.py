@@ -52,7 +52,9 @@ def fitted_turn(w, load, at):
 @pytest.mark.parametrize("law", ["linear", "ogden"])
 def test_von_mises_truss_snaps_through_along_the_closed_form(law):
     problem = truss(law)
-    path = arc_length_path(Balance(problem, down(problem)), problem.positions, first_factor=0.1)
+    path = arc_length_path(
+        Balance(problem, down(problem)), problem.positions, first_factor=0.1, arc_length=0.006
+    )
     points = list(islice(path, 110))
     w = H - np.array([point.positions[2, 2] for point in points])
     load = np.array([point.factor for point in points])
@@ -73,6 +75,15 @@ def test_von_mises_truss_snaps_through_along_the_closed_form(law):
         z = np.sqrt((L0 * B**2) ** (2 / 3) - B**2)
         assert limit == pytest.approx(0.99499170, abs=1e-8)
         assert (most, where) == (pytest.approx(limit, rel=1e-5), pytest.approx(H - z, rel=1e-3))
+
+
+def test_easy_steps_grow_until_they_are_a_fiftieth_of_a_bar():
+    problem = truss()
+    path = arc_length_path(Balance(problem, down(problem)), problem.positions, first_factor=0.02)
+    height = [H, *(point.positions[2, 2] for point in islice(path, 20))]
+    steps = -np.diff(height)
+    np.testing.assert_allclose(steps[1:5] / steps[:4], 1.5, rtol=1e-6)
+    np.testing.assert_allclose(steps[-8:], 0.02 * L0, rtol=1e-6)
 
 
 def test_reactions_balance_the_load():

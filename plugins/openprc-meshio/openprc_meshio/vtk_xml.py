@@ -29,6 +29,8 @@ _TYPES = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
+#: What numbers and heads that were damaged lead to.
+_FAULTS = (ArithmeticError, EOFError, LookupError, MemoryError, ValueError)
 _KINDS = ("PolyData", "UnstructuredGrid")
 
 
@@ -152,7 +154,7 @@ class VtkXmlFrame:
                 values = np.array((item.text or "").split(), dtype=dtype)
             else:
                 values = np.frombuffer(self._bytes(item, size), dtype=dtype)
-        except (ValueError, OverflowError, EOFError, zlib.error, lzma.LZMAError) as error:
+        except (*_FAULTS, zlib.error, lzma.LZMAError) as error:
             raise self._wrong(f"array {item.get('Name')!r}: {error}", "data as written") from None
         if values.size != rows * int(width):
             raise self._wrong(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from openprc.errors import ConfigError
 from openprc_pyelastica.importer import Importer
 
 if TYPE_CHECKING:
@@ -21,9 +22,23 @@ class Producer(Importer):
     def attach(
         self, simulator: Any, writer: TrajectoryWriter, **options: Any
     ) -> AbstractContextManager[Session]:
-        """Record a simulator of a user's script; see `openprc_pyelastica.recorder.attach`."""
-        from openprc_pyelastica.recorder import attach  # noqa: PLC0415
+        """Record a simulator of a user's script; see `openprc_pyelastica.recorder.attach`.
 
+        Raises
+        ------
+        ConfigError
+            When there is no such option, or nothing can be recorded.
+        """
+        from openprc_pyelastica.recorder import OPTIONS, attach  # noqa: PLC0415
+
+        unknown = sorted(set(options) - set(OPTIONS))
+        if unknown:
+            raise ConfigError(
+                f"there is no option {unknown[0]!r}",
+                expected="some of " + ", ".join(OPTIONS),
+                fix="correct the call of record_run",
+                key=unknown[0],
+            )
         return attach(simulator, writer, **options)
 
     def supports(self, experiment: Experiment) -> Sequence[Finding]:

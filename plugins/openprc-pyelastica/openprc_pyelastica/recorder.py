@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 #: Frames wait for no longer than this [s].
 FLUSH_SECONDS = 2.0
+OPTIONS = (
+    "systems", "every", "directors", "strains", "signals", "plane", "max_stretch",
+)  # fmt: skip
 PLANES = (None, "xy", "xz", "yz")
 
 

@@ -1,9 +1,10 @@
 """From a chain of bars and bends to the numbers of a rod.
 
 A rod of n elements of length l carries tension ``EA (e - 1) / e`` at the stretch e, since its
-section thins, and for the same reason the couple ``EI / (l e^3)`` times the angle between neighbouring elements (Gazzola et al. 2018,
-doi:10.1098/rsos.171628, equations 2.14-2.17); its nodes have the mass ``rho A l``, half of it at
-the ends. A chain of bars of stiffness k with bends of stiffness k_b is the same body with
+section thins, and for the same reason the couple ``EI / (l e^3)`` times the angle between
+neighbouring elements (Gazzola et al. 2018, doi:10.1098/rsos.171628); its nodes have the mass
+``rho A l``, half of it at the ends. A chain of bars of stiffness k with bends of stiffness k_b is
+the same body with
 
     EA = k l,   EI = k_b l,   rho A = m / l,   R = 2 sqrt(EI / EA)
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-#: Shear correction factor of PyElastica, from G. R. Cowper's and T. Kaneko's work on beams.
+#: Shear correction factor that PyElastica takes for round sections (Kaneko 1975,
+#: doi:10.1088/0022-3727/8/16/003).
 SHEAR_FACTOR = 27.0 / 28.0
 
 

@@ -243,6 +243,18 @@ def test_close_makes_what_there_is_safe(stub, recording):
         assert run.writer.n_frames == 6
 
 
+@pytest.mark.parametrize(("installed", "told"), [("0.3.3", True), ("1.0.0", False)])
+def test_a_version_that_never_damps(stub, recording, notes, monkeypatch, installed, told):
+    monkeypatch.setattr("openprc_pyelastica.callback.version", lambda name: installed)
+    simulator = stub.Simulator(stub.Rod(4))
+    simulator._damping_list = ["a damper"]
+    with recording(simulator) as run:
+        simulator.finalize()
+    with Trajectory(run.path) as result:
+        assert f"recorded from PyElastica {installed}" in notes(result)
+        assert ("registers dampers and never calls them" in notes(result)) is told
+
+
 FORGETFUL = """
 import importlib.util, sys, types
 spec = importlib.util.spec_from_file_location("conftest", {conftest!r})

@@ -61,6 +61,7 @@ def test_systems_that_cannot_be_recorded(stub, recording):
         ({"max_stretch": 1.0}, "max_stretch is 1.0"),
         ({"plane": "zx"}, "plane is 'zx'"),
         ({"signals": [1.0]}, "signals is a list"),
+        ({"evrey": 2}, "there is no option 'evrey'"),
     ],
 )
 def test_options(stub, recording, options, match):
