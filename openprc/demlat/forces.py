@@ -240,7 +240,8 @@ class ForceField:
         """Return energies: kinetic, of bars, of hinges, of weight, and of bends if any [J]."""
         buffer = self.frames(1)
         self.observe(positions, velocities, buffer=buffer)
-        return buffer.energy[0]
+        energies: Reals = buffer.energy[0]
+        return energies
 
     # --- inside ---------------------------------------------------------------------------------
 

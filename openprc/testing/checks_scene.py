@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from openprc.errors import OpenPRCError
 from openprc.hooks.running import silent
@@ -100,6 +101,17 @@ def probes(case: RunnerCase) -> dict[str, tuple[Experiment, Experiment]]:
     }  # fmt: skip
 
 
+def _told(trajectory: Trajectory) -> list[NDArray[np.float64]]:
+    """Return what a run says: positions in the plane and out of it, and of load steps the load."""
+    x = trajectory.positions()
+    out_of_plane = x[..., 2] if x.shape[2] == 3 else np.zeros(x.shape[:2])
+    loads = np.zeros(0)
+    if trajectory.time_kind == "pseudo" and trajectory.inputs:
+        # A path of equilibria is the same for all sizes of a load; the load factors are not.
+        loads = np.concatenate([trajectory.input(name).value.ravel() for name in trajectory.inputs])
+    return [x[..., :2], out_of_plane, loads]
+
+
 @check("RUN-7", "what supports() lets pass is run and takes effect", "runner")
 def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
     """Run small scenes with and without each thing; equal motions mean that it is ignored."""
@@ -119,10 +131,9 @@ def what_is_accepted_takes_effect(case: RunnerCase, folder: Path) -> None:
                     fix="return a Finding of level 'error' for it",
                 )
             with Trajectory(out) as trajectory:
-                motions.append(trajectory.positions())
+                motions.append(_told(trajectory))
         looked_at += 1
-        dims = min(motion.shape[2] for motion in motions)
-        same = np.array_equal(motions[0][..., :dims], motions[1][..., :dims])
+        same = all(np.array_equal(*pair) for pair in zip(*motions, strict=True))
         # Who says that it is left out, in a warning, may leave it out.
         if same and not found:
             ignored.append(what)

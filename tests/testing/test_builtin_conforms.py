@@ -29,9 +29,9 @@ def video_truth():
 CASES = [
     ImporterCase("legacy", make_sample=older_run, truth=older_truth),
     # Tracking 500 frames again and again takes its time.
-    ImporterCase("vision", truth=video_truth, slow=("ROBUST", "REPEAT", "IMPORT-3", "IMPORT-5")),
+    ImporterCase("vision", truth=video_truth, slow=("ROBUST", "REPEAT", "LIGHT-3", "SPEC-3")),
     # What compiles kernels for every small scene takes a minute.
-    RunnerCase("demlat", slow=("RUN-1", "RUN-7", "PHYS-5")),
+    RunnerCase("demlat", slow=("RUN-1", "RUN-7", "PHYS-5", "PHYS-8")),
     RunnerCase("demlat", integrator="verlet", slow=("RUN", "PHYS", "PIPE", "LIGHT")),
     ExporterCase("csv", importer="openprc-example/csv"),
     ExporterCase("npz"),

@@ -9,6 +9,7 @@ import numpy as np
 from openprc.demlat.producer import FrameRecorder
 from openprc.demlat.signal_table import sample_signal
 from openprc.schema.bend_angle import bend_angles
+from openprc_merlin import extension
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,6 +53,9 @@ class PathRecorder(FrameRecorder):
         self.count = 0
         self.hidden = 0
         self.reaction_axes = _imposed(experiment, drives)
+        self.held = drives.held.copy()
+        self.held.reshape(-1)[self.reaction_axes] = False
+        self.reference = drives.reference
         loaded = drives.reference.any(axis=1) if along else np.zeros(len(drives.held), bool)
         self.targets = [f"node {node}" for node in np.flatnonzero(loaded)]
         elements = experiment.geometry.bars, experiment.geometry.hinges, experiment.geometry.bends
@@ -69,7 +73,16 @@ class PathRecorder(FrameRecorder):
         writer.declare_system("residual", unit="N")
         writer.declare_system("iterations", unit="1")
         writer.declare_system("negative_eigenvalues", unit="1")
+        # Supports of single axes, and the load that the factor multiplies, have no other place.
+        writer.declare_extension(extension.NAME, extension.VERSION)
+        writer.put_extension(
+            extension.NAME, "held", self.held.astype("u1"), comment="supported degrees of freedom"
+        )
         if self.along:
+            writer.put_extension(
+                extension.NAME, "reference_load", self.reference, unit="N",
+                comment="forces at a load factor of 1",
+            )  # fmt: skip
             writer.declare_input(
                 "load", ["load factor"], quantity="load factor", unit="1", targets=self.targets
             )

@@ -30,7 +30,6 @@ VERSION = (2, 2)
 CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 #: Bytes of one block of frames that is held in memory.
 _BLOCK_BYTES = 8 << 20
-_CHUNK_BYTES = 512 << 10
 
 
 class VtkhdfExporter:
@@ -152,6 +151,11 @@ def _copy(root: h5py.Group, source: h5py.File, given: Outline) -> None:
         tail, rows = column.dataset.shape[1:], column.rows
         for start, taken in _blocks(given, rows * math.prod(tail)):
             count = len(range(*taken.indices(given.frames.stop)))
+            field = column.parts[0][0]
+            if field.shape[1:] == (rows, *tail):
+                values = source[field.path][taken]
+                column.dataset[start * rows : (start + count) * rows] = values.reshape(-1, *tail)
+                continue
             block = np.full((count, rows, *tail), column.empty, dtype=column.dataset.dtype)
             for field, begin in column.parts:
                 values = source[field.path][taken]
@@ -163,12 +167,9 @@ def _copy(root: h5py.Group, source: h5py.File, given: Outline) -> None:
 def _table(
     group: h5py.Group, name: str, frames: int, rows: int, tail: tuple[int, ...], dtype: str
 ) -> h5py.Dataset:
-    # Chunks of whole frames: a step is then read in few pieces.
-    row = rows * math.prod(tail) * np.dtype(dtype).itemsize
-    chunk = rows * max(1, min(frames, _CHUNK_BYTES // max(1, row)))
-    return group.create_dataset(
-        name, shape=(frames * rows, *tail), dtype=dtype, chunks=(chunk, *tail)
-    )
+    # In one piece, and not filled with zeros first: every row is written, once.
+    shape = (frames * rows, *tail)
+    return group.create_dataset(name, shape=shape, dtype=dtype, fill_time="never")
 
 
 def _blocks(given: Outline, numbers: int) -> Iterator[tuple[int, slice]]:

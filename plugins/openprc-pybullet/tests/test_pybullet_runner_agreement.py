@@ -3,9 +3,12 @@
 import h5py
 import numpy as np
 import pytest
+from openprc_pybullet.client import direct_client
+from openprc_pybullet.half_kick import HalfKickLoop
 from scipy.integrate import solve_ivp
 from scipy.spatial import Delaunay
 
+from openprc.demlat.forces import ForceField
 from openprc.demlat.producer import DemlatProducer
 from openprc.schema import Experiment
 from openprc.schema.experiment import Actuator, Signal
@@ -89,6 +92,26 @@ def test_every_number_is_that_of_velocity_verlet(pb_run):
     wanted = {"positions", "velocities", "force", "torque", "work_in", "dissipated", "total_energy"}
     assert wanted < {name.rsplit("/", 1)[-1] for name in compared}
     assert np.abs(theirs.positions() - theirs.positions()[0]).max() > 0.3
+
+
+def test_nodes_are_in_bullet_where_the_file_says():
+    """Also a node that is driven along some axes, which Bullet by itself would leave behind."""
+    scene = everything(np.random.default_rng(0))
+    with direct_client("a test") as (bullet, number):
+        loop = HalfKickLoop(
+            bullet, number, experiment=scene, field=ForceField(scene), half_kick=True
+        )
+        loop.advance(57)
+        x, v = np.zeros_like(loop.positions), np.zeros_like(loop.positions)
+        loop.world.read_positions(x)
+        loop.world.read_velocities(v)
+        rows = loop.world.rows
+        assert {2, 3} < set(rows.tolist())
+        assert not {0, 1} & set(rows.tolist())  # fixed, and driven along all axes
+        np.testing.assert_array_equal(x[rows], loop.positions[rows])
+        driven = [(2, 1), (3, 0)]
+        assert [v[at] for at in driven] == [loop.velocities[at] for at in driven]
+        assert all(v[at] != 0.0 for at in driven)
 
 
 # --- Hauser's network -------------------------------------------------------

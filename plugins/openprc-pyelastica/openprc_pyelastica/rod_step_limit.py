@@ -1,7 +1,7 @@
 """The longest stable time step of a rod, before anything is run.
 
 PyElastica's position Verlet step is stable up to ``2 / omega`` for the fastest linear oscillation
-(e.g. Hairer, Lubich & Wanner 2003, doi:10.1017/S0962492902000144, section 5). Oscillations of the
+(e.g. Hairer, Lubich & Wanner 2003, doi:10.1017/S0962492902000144). Oscillations of the
 straight rod fall into stretching ones and those of deflections with rotations of the elements, so
 that two banded eigenvalue problems give omega, end conditions and uneven elements included.
 """
