@@ -39,7 +39,7 @@ def _npz() -> bytes:
 def _hdf5() -> bytes:
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
-        file["model/weights"] = np.ones((3, 4))
+        file["network/kernel"] = np.ones((3, 4))
         file.attrs["keras_version"] = "3.0"
     return buffer.getvalue()
 

@@ -156,7 +156,8 @@ def test_hints_of_names_do_not_collide_with_options(registry):
         for option in (*item.spec.options, *getattr(item.spec, "run_options", ())):
             assert option.help.strip(), (item.qualified_name, option.name)
             if option.choices:
-                assert option.default is None or option.default in option.choices
+                given = option.default if option.multiple else (option.default,)
+                assert set(given or ()) <= {None, *option.choices}, option.name
 
 
 def test_every_hook_has_a_record_type_an_example_and_a_user(registry):

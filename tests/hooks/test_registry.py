@@ -119,8 +119,8 @@ def test_an_unknown_name_mentions_what_was_left_out(make_entry):
 
 
 def test_an_empty_hook_says_that_nothing_is_registered():
-    with pytest.raises(UnknownName, match="no exporter named 'csv'") as caught:
-        Registry([]).find("openprc_exporters", "csv")
+    with pytest.raises(UnknownName, match="no extension named 'mine'") as caught:
+        Registry([]).find("openprc_extensions", "mine")
     assert caught.value.expected == "one of none: nothing is registered"
 
 
