@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from openprc.cli.console import force_option, json_option, print_json, spinner
-from openprc.cli.options import parse_pairs
+from openprc.cli.options import pairs_option, parse_pairs
 from openprc.hooks.exporting import export_file
 
 
@@ -15,14 +15,7 @@ from openprc.hooks.exporting import export_file
 @click.argument("path", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
 @click.option("--to", help="Exporter; see `openprc plugins`. Default: the ending of --out.")
-@click.option(
-    "-o",
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Option of the exporter; repeat it for several.",
-)
+@pairs_option("exporter")
 @force_option
 @json_option
 def command(

@@ -15,7 +15,7 @@ from openprc.cli.console import (
     spinner,
     table,
 )
-from openprc.cli.options import parse_pairs
+from openprc.cli.options import pairs_option, parse_pairs
 from openprc.hooks.importing import ProducedRun, import_file
 
 
@@ -23,14 +23,7 @@ from openprc.hooks.importing import ProducedRun, import_file
 @click.argument("path", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Default: NAME.simulation.h5 here.")
 @click.option("--as", "as_name", metavar="NAME", help="Producer to use; see `openprc plugins`.")
-@click.option(
-    "-o",
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Option of the importer; repeat it for several.",
-)
+@pairs_option("importer")
 @click.option("--trust", is_flag=True, help="Pickles may be read: you know who made the file.")
 @force_option
 @json_option

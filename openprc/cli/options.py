@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import click
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class FiniteFloat(click.ParamType):
@@ -30,6 +33,18 @@ class FiniteFloat(click.ParamType):
 
 FINITE = FiniteFloat()
 NOT_NEGATIVE = FiniteFloat(least=0.0)
+
+
+def pairs_option(owner: str) -> Callable[[F], F]:
+    """Return the option KEY=VALUE for what a record of `owner` accepts."""
+    return click.option(
+        "-o",
+        "--option",
+        "options",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help=f"Option of the {owner}; repeat it for several.",
+    )
 
 
 def parse_pairs(pairs: tuple[str, ...]) -> dict[str, Any]:

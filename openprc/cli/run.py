@@ -16,7 +16,7 @@ from openprc.cli.console import (
     table,
 )
 from openprc.cli.import_run import show_run
-from openprc.cli.options import parse_pairs
+from openprc.cli.options import pairs_option, parse_pairs
 from openprc.hooks.running import plan_experiment, run_experiment
 
 
@@ -27,14 +27,7 @@ from openprc.hooks.running import plan_experiment, run_experiment
     "--out", type=click.Path(path_type=Path), help="Default: FOLDER/output/simulation.h5."
 )
 @click.option("--integrator", help="Instead of the one in config.json.")
-@click.option(
-    "-o",
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Option of the producer; repeat it for several.",
-)
+@pairs_option("producer")
 @click.option("--seed", type=int, help="For producers that draw random numbers.")
 @click.option("--plan", "only_plan", is_flag=True, help="Say what a run would do; run nothing.")
 @force_option

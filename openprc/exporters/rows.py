@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from openprc.errors import ConfigError
+from openprc.errors import ConfigError, MissingData
+
+if TYPE_CHECKING:
+    from openprc.schema import Trajectory
 
 _BLOCK = 1024
 
@@ -50,3 +53,20 @@ class Rows:
         step = _BLOCK * self.stride
         for start in range(0, self.n_frames, step):
             yield slice(start, min(start + step, self.n_frames), self.stride)
+
+
+def require_positions(trajectory: Trajectory) -> None:
+    """Refuse a trajectory of channels alone, for formats that are about nodes in space.
+
+    Raises
+    ------
+    MissingData
+    """
+    if not trajectory.dims:
+        raise MissingData(
+            "the trajectory has no positions",
+            expected="nodes in space",
+            fix="export it as csv or npz, which take channels",
+            file=trajectory.path,
+            key="/time_series/nodes/positions",
+        )

@@ -103,14 +103,8 @@ def import_file(
     item = choice.item
     values = resolve_options(item.spec, options or {}, trust=trust)
     importer = registry.load(item, capability="import")
-    provenance = Provenance(
-        item.name,
-        producer_version=item.version,
-        plugin=item.distribution,
-        plugin_version=item.version,
-        command=typed_command(),
-        config={k: _nameless(v) for k, v in values.items() if v not in (None, ())},
-    )
+    config = {k: _nameless(v) for k, v in values.items() if v not in (None, ())}
+    provenance = provenance_of(item, config=config)
     findings: list[Finding] = []
     with (
         TrajectoryWriter(
@@ -128,6 +122,18 @@ def import_file(
         out, item, confidence=choice.score, notes=writer.notes, findings=findings,
         seconds=time.perf_counter() - started,
     )  # fmt: skip
+
+
+def provenance_of(item: Registered, **details: Any) -> Provenance:
+    """Return who makes a file: the producer, its plugin, and the command; with details."""
+    return Provenance(
+        item.name,
+        producer_version=item.version,
+        plugin=item.distribution,
+        plugin_version=item.version,
+        command=typed_command(),
+        **details,
+    )
 
 
 def _nameless(value: Any) -> Any:
@@ -197,4 +203,4 @@ def describe_run(
         )
 
 
-__all__ = ["ProducedRun", "describe_run", "import_file", "refuse_invalid"]
+__all__ = ["ProducedRun", "describe_run", "import_file", "provenance_of", "refuse_invalid"]

@@ -10,10 +10,9 @@ from types import TracebackType
 from typing import Any
 
 from openprc.hooks.faults import owned_by
-from openprc.hooks.importing import ProducedRun, describe_run, refuse_invalid
+from openprc.hooks.importing import ProducedRun, describe_run, provenance_of, refuse_invalid
 from openprc.hooks.registry import Registered, Registry, default_registry
 from openprc.schema.findings import Finding
-from openprc.schema.provenance import Provenance, typed_command
 from openprc.schema.writer import TrajectoryWriter
 
 
@@ -162,14 +161,7 @@ def record_run(
     registry = registry or default_registry()
     item = registry.producer(producer)
     recorder = registry.load(item, capability="record")
-    provenance = Provenance(
-        item.name,
-        producer_version=item.version,
-        plugin=item.distribution,
-        plugin_version=item.version,
-        command=typed_command(),
-        seed=seed,
-    )
+    provenance = provenance_of(item, seed=seed)
     checks: list[Recording] = []
     writer = TrajectoryWriter(
         Path(out),

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from openprc.errors import UnsupportedScene
 from openprc.hooks.faults import owned_by
-from openprc.hooks.importing import ProducedRun, describe_run, refuse_invalid
+from openprc.hooks.importing import ProducedRun, describe_run, provenance_of, refuse_invalid
 from openprc.hooks.options import check_options
 from openprc.hooks.protocols import Planner, Progress, Runner, RunPlan
 from openprc.hooks.registry import Registry, default_registry
 from openprc.schema.experiment import load_experiment
 from openprc.schema.findings import Finding
-from openprc.schema.provenance import Provenance, typed_command
+from openprc.schema.provenance import Provenance
 from openprc.schema.writer import TrajectoryWriter
 
 if TYPE_CHECKING:
@@ -78,12 +78,8 @@ def run_experiment(
     experiment = _loaded(folder, integrator)
     home = experiment.path or folder  # `folder` may be the input folder itself
     target = Path(out) if out is not None else home / "output" / "simulation.h5"
-    provenance = Provenance(
-        item.name,
-        producer_version=item.version,
-        plugin=item.distribution,
-        plugin_version=item.version,
-        command=typed_command(),
+    provenance = provenance_of(
+        item,
         seed=seed,
         # Of strangers' producers nobody here can promise it.
         deterministic=True if item.distribution == "openprc" else None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.errors import ConfigError, MissingData
+from openprc.exporters.rows import Rows, require_positions
 
 if TYPE_CHECKING:
     from openprc.schema import Trajectory
@@ -34,11 +35,7 @@ class XyzExporter:
         ConfigError
             When the stride is below 1, or the species is not one word.
         """
-        stride, species = options["stride"], options["species"]
-        if stride < 1:
-            raise ConfigError(
-                f"stride is {stride}", expected="1 or more", fix="correct the option", key="stride"
-            )
+        frames, species = Rows(trajectory.n_frames, options), options["species"]
         if len(species.split()) != 1:
             raise ConfigError(
                 f"species is {species!r}",
@@ -46,16 +43,9 @@ class XyzExporter:
                 fix="correct the option",
                 key="species",
             )
-        if not trajectory.dims:
-            raise MissingData(
-                "the trajectory has no positions",
-                expected="nodes in space",
-                fix="export it as csv or npz, which take channels",
-                file=trajectory.path,
-                key="/time_series/nodes/positions",
-            )
+        require_positions(trajectory)
         with path.open("x", encoding="utf-8") as stream:
-            for frame in range(0, trajectory.n_frames, stride):
+            for frame in range(0, trajectory.n_frames, frames.stride):
                 places = trajectory.positions(slice(frame, frame + 1))[0]
                 stream.write(_block(trajectory, frame, places, species=species))
         return [path]

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from openprc.errors import MissingData
-from openprc.exporters.rows import Rows
+from openprc.exporters.rows import Rows, require_positions
 from openprc.schema.units import UNITS
 from openprc_h5md.unit_names import from_contract, length_factor
 
@@ -45,14 +45,7 @@ class H5mdExporter:
         ConfigError
             When the stride is below 1.
         """
-        if not trajectory.dims:
-            raise MissingData(
-                "the trajectory has no positions",
-                expected="nodes in space",
-                fix="export it as csv or npz, which take channels",
-                file=trajectory.path,
-                key="/time_series/nodes/positions",
-            )
+        require_positions(trajectory)
         frames = Rows(trajectory.n_frames, options)
         bonds = _bonds(trajectory, str(options["bonds"]))
         with h5py.File(path, "x", libver=("earliest", "v110")) as file:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, MissingData
+from openprc.exporters.rows import Rows
 from openprc.schema import UNITS
 from openprc_merlin import exporter_laws, exporter_load, exporter_mesh, geometry
 from openprc_merlin.exported_file import new_file
@@ -130,14 +131,7 @@ def _solver(trajectory: Trajectory) -> str:
 
 
 def _frames(trajectory: Trajectory, stride: int) -> NDArray[np.intp]:
-    if stride < 1:
-        raise ConfigError(
-            f"stride {stride}",
-            expected="a whole number of frames, 1 or more",
-            fix="correct the option",
-            file=trajectory.path,
-            key="stride",
-        )
+    Rows(trajectory.n_frames, {"stride": stride})  # refuses what is below 1
     frames = np.arange(0, trajectory.n_frames, stride)
     size = 8 * 3 * trajectory.n_nodes * len(frames)
     if size > MAX_VARIABLE:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import ConfigError, MissingData
+from openprc.errors import MissingData
+from openprc.exporters.rows import Rows, require_positions
 from openprc_merlin import geometry
 from openprc_merlin.exported_file import new_file
 from openprc_merlin.fold_creases import Creases, creases_of
@@ -53,26 +54,11 @@ class FoldExporter:
             When `path` exists.
         """
         path = Path(path)
-        stride = int(options.get("stride", 1))
-        if stride < 1:
-            raise ConfigError(
-                f"stride {stride}",
-                expected="a whole number of frames, 1 or more",
-                fix="correct the option",
-                file=trajectory.path,
-                key="stride",
-            )
-        if not trajectory.n_nodes:
-            raise MissingData(
-                "no nodes",
-                expected="positions",
-                fix="export a run of a body, not of sensors alone",
-                file=trajectory.path,
-                key="/time_series/nodes/positions",
-            )
+        rows = Rows(trajectory.n_frames, options)
+        require_positions(trajectory)
         creases = creases_of(trajectory)
-        frames = np.arange(0, trajectory.n_frames, stride)
-        states = _states(trajectory, creases, frames, stride)
+        frames = np.arange(0, trajectory.n_frames, rows.stride)
+        states = _states(trajectory, creases, frames, rows.stride)
         key = {**_envelope(trajectory, creases, frames), **next(states)}
         with new_file(path) as stream:
             stream.write(b"{\n")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.errors import ConfigError, MissingData
+from openprc.errors import MissingData
+from openprc.exporters.rows import Rows, require_positions
 from openprc.schema import safety
 
 if TYPE_CHECKING:
@@ -79,19 +80,8 @@ def outline(trajectory: Trajectory, options: Mapping[str, Any]) -> Outline:
     ConfigError
         When the stride is below 1.
     """
-    stride = options.get("stride", 1)
-    if stride < 1:
-        raise ConfigError(
-            f"stride is {stride}", expected="1 or more", fix="correct the option", key="stride"
-        )
-    if not trajectory.dims:
-        raise MissingData(
-            "the trajectory has no positions",
-            expected="nodes in space",
-            fix="export it as csv or npz, which take channels",
-            file=trajectory.path,
-            key=POSITIONS,
-        )
+    stride = Rows(trajectory.n_frames, options).stride
+    require_positions(trajectory)
     with safety.open_hdf5(trajectory.path) as file:
         positions = _field(file, "positions", POSITIONS)
         nodal = [
