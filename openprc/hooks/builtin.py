@@ -30,7 +30,7 @@ def openprc_producers() -> list[ProducerSpec]:
             capabilities=("run",),
             needs={"run": ("numba",)},
             install="pip install numba",
-            elements=("nodes", "bars", "hinges", "gravity", "damping", "position-actuators",
+            elements=("nodes", "bars", "hinges", "bends", "gravity", "damping", "position-actuators",
                       "force-actuators"),
             sample="openprc.demlat.samples:write_sample",
         ),

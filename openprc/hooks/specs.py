@@ -20,6 +20,7 @@ ELEMENTS = (
     "nodes",
     "bars",
     "hinges",
+    "bends",
     "faces",
     "rods",
     "rigid-bodies",

@@ -211,8 +211,11 @@ def test_a_script_that_forgets_to_close(tmp_path, ending, status, returned):
     out = tmp_path / "run.h5"
     done = subprocess.run(
         [sys.executable, str(script), str(tmp_path), str(out)],
-        capture_output=True, text=True, check=False, env={**os.environ, "OPENPRC_PLUGINS": "counter"},
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "OPENPRC_PLUGINS": "counter"},
+    )
     assert done.returncode == returned, done.stderr
     found = out if status == "complete" else out.with_name("run.h5.partial")
     with Trajectory(found, allow_incomplete=True) as run:

@@ -116,7 +116,7 @@ def openprc_producers() -> list[ProducerSpec]:
             dims=(2, 3),
             time=("pseudo", "physical"),
             elements=(
-                *("nodes", "bars", "hinges", "faces", "gravity"),
+                *("nodes", "bars", "hinges", "bends", "faces", "gravity"),
                 *("position-actuators", "force-actuators"),
             ),
             options=_OPTIONS,

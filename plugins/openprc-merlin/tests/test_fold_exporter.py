@@ -147,7 +147,7 @@ def test_points_faces_and_planes(tmp_path):
 
 def test_refusals(mat, load, space, tmp_path):
     source = load(mat(space))
-    with pytest.raises(ConfigError, match="stride 0"):
+    with pytest.raises(ConfigError, match="stride is 0"):
         export_file(source.path, tmp_path / "a.fold", options={"stride": 0})
     (tmp_path / "there.fold").write_text("x")
     with pytest.raises(ResultExists, match="a file of this name exists"):

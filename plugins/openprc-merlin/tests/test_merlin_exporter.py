@@ -279,7 +279,7 @@ def test_frame_0_may_be_said_to_be_the_rest_shape(tmp_path):
 
 def test_gaps_bad_options_and_existing_files_are_refused(mat, load, space, tmp_path, monkeypatch):
     source = load(mat(space))
-    with pytest.raises(ConfigError, match="stride 0"):
+    with pytest.raises(ConfigError, match="stride is 0"):
         export_file(source.path, tmp_path / "o.mat", options={"stride": 0})
     monkeypatch.setattr(exporter, "MAX_VARIABLE", 8 * 12 * 30)
     with pytest.raises(ConfigError, match="thin the run out with the option stride=3"):

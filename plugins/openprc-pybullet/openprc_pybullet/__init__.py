@@ -102,8 +102,8 @@ def openprc_producers() -> list[ProducerSpec]:
             dims=(2, 3),
             time=("physical", "pseudo"),
             elements=(
-                *("nodes", "bars", "hinges", "faces", "rigid-bodies", "soft-bodies", "joints"),
-                *("contact", "gravity", "damping"),
+                *("nodes", "bars", "hinges", "bends", "faces", "rigid-bodies", "soft-bodies"),
+                *("joints", "contact", "gravity", "damping"),
                 *("position-actuators", "force-actuators", "velocity-actuators"),
             ),
             options=OPTIONS,

@@ -113,6 +113,7 @@ def openprc_producers() -> list[ProducerSpec]:
             elements=(
                 "nodes",
                 "bars",
+                "bends",
                 "rods",
                 "rigid-bodies",
                 "joints",
