@@ -30,8 +30,8 @@ def openprc_producers() -> list[ProducerSpec]:
             capabilities=("run",),
             needs={"run": ("numba",)},
             install="pip install numba",
-            elements=("nodes", "bars", "hinges", "bends", "gravity", "damping", "position-actuators",
-                      "force-actuators"),
+            elements=("nodes", "bars", "hinges", "bends", "contact", "gravity", "damping",
+                      "position-actuators", "force-actuators", "velocity-actuators"),
             sample="openprc.demlat.samples:write_sample",
         ),
         ProducerSpec(

@@ -156,7 +156,7 @@ def test_refusals(mat, load, space, tmp_path):
     with TrajectoryWriter(sensors, provenance=Provenance("test")) as writer:
         writer.declare_channel("s", ["a"], unit="1")
         writer.append([0.0, 1.0], channels={"s": [[0.0], [1.0]]})
-    with pytest.raises(MissingData, match="no nodes"):
+    with pytest.raises(MissingData, match="the trajectory has no positions"):
         export_file(sensors, tmp_path / "a.fold")
     gap = tmp_path / "gap.h5"
     with TrajectoryWriter(gap, provenance=Provenance("test")) as writer:
