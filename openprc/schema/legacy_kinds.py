@@ -174,8 +174,16 @@ def _has_series(file: h5py.File) -> bool:
     return time is not None and places is not None and len(places) == 3 and places[2] in (2, 3)
 
 
+#: What else the engine left, for files whose version was lost when they were copied by hand.
+_ENGINE_MARKS = ("source_geometry", "total_frames", "completed")
+_ENGINE_PARTS = ("system/kinetic_energy", "system/damping_loss", "time_series/elements/bars/stress")
+
+
 def _is_engine(file: h5py.File) -> bool:
-    return "schema_version" in file.attrs and _has_series(file)
+    if not _has_series(file):
+        return False
+    marked = "schema_version" in file.attrs or any(name in file.attrs for name in _ENGINE_MARKS)
+    return marked or any(shape(file, name) is not None for name in _ENGINE_PARTS)
 
 
 def _is_tracks(file: h5py.File) -> bool:
@@ -220,7 +228,11 @@ def _is_visualization(file: h5py.File) -> bool:
 
 
 def _is_readout(file: h5py.File) -> bool:
-    return shape(file, "model/weights") is not None
+    # Other programs keep weights of networks under that name: what the trainer puts beside them
+    # decides.
+    named = "task_name" in file.attrs and "feature_config" in file.attrs
+    scaled = shape(file, "preprocessing/X_mean") is not None
+    return shape(file, "model/weights") is not None and (named or scaled)
 
 
 def _is_metrics(file: h5py.File) -> bool:

@@ -217,7 +217,8 @@ def triangles_to_hinges(faces: Ints) -> Ints:
     """Return a hinge for every edge that two triangles share.
 
     Rows are [j k i l] with j < k; i belongs to the triangle that runs from j to k, so that
-    in a consistently wound surface the angles of all hinges have one sense.
+    in a consistently wound surface the angles of all hinges have one sense. A triangle that
+    is listed twice, as some programs list both sides of a sheet, counts once.
 
     Parameters
     ----------
@@ -228,7 +229,8 @@ def triangles_to_hinges(faces: Ints) -> Ints:
     (H, 4)
     """
     wings: dict[tuple[int, int], list[tuple[bool, int]]] = {}
-    for face in faces.tolist():
+    single = {tuple(sorted(face)): face for face in reversed(faces.tolist())}
+    for face in reversed(single.values()):
         for (a, b), c in zip(sides(face), (face[2], face[0], face[1]), strict=True):
             wings.setdefault((min(a, b), max(a, b)), []).append((a < b, c))
     rows = []

@@ -18,6 +18,7 @@ from openprc.errors import ConfigError, MissingData, SchemaError
 
 _DISPLACEMENT = re.compile(r"u_?his(t|tory)?\Z", re.IGNORECASE)
 _LOAD = re.compile(r"(lf|f|load)_?his(t|tory)?\Z", re.IGNORECASE)
+_WITHIN = re.compile(r"u_?his", re.IGNORECASE)
 _NUMBERED = r"_?\d+\Z"
 #: Names of MERLIN's scripts that are no history whatever their shape.
 _OTHERS = frozenset({"Node", "F", "Load", "Supp", "indp", "indsupp", "ff", "BDRY"})
@@ -30,6 +31,16 @@ PLAUSIBLE = 1e60
 def is_displacement(name: str) -> bool:
     """Tell whether a variable is named like a displacement history."""
     return bool(_DISPLACEMENT.match(_unnumbered(name)))
+
+
+def hints_displacement(name: str, shape: tuple[int, ...] | None) -> bool:
+    """Tell whether a longer name and the shape together mean one, as OrigamiUhis (T, N, 3) does.
+
+    Only for telling whose file it is: which variable is read is decided with the rest shape.
+    """
+    if shape is None or not _WITHIN.search(name):
+        return False
+    return (len(shape) == 3 and shape[2] == 3) or (len(shape) == 2 and 0 in (n % 3 for n in shape))
 
 
 def is_load(name: str) -> bool:

@@ -47,7 +47,12 @@ class Importer:
             kind = containers.kind_of(path)
             if kind == "octave-text":
                 return 0.5 if _names_in_text(path) else 0.0
-            listed = containers.list_variables(path)
+            try:
+                listed = containers.list_variables(path)
+            except UnreadableFile:
+                # A workspace that was cut off: import_run() says where, which helps more than
+                # that nobody knows the file.
+                return 0.5 if kind == "mat5" else 0.0
         except (
             ArithmeticError,
             AttributeError,
@@ -67,7 +72,10 @@ class Importer:
         has_history = any(histories.is_displacement(name) for name in listed)
         if "truss" in listed:
             return 1.0 if has_history else 0.6 if "angles" in listed else 0.0
-        return 0.7 if has_history else 0.0
+        if has_history:
+            return 0.7
+        hinted = any(histories.hints_displacement(name, shape) for name, shape in listed.items())
+        return 0.6 if hinted else 0.0
 
     def import_run(
         self, path: Path, writer: TrajectoryWriter, *, options: Mapping[str, Any]

@@ -70,7 +70,10 @@ def read_frame(path: Path) -> Frame:
             if words[0] == "v":
                 vertices.append([float(word) for word in words[1:4]])
             elif words[0] == "f":
-                faces.append(tuple(_corner(word, len(vertices)) for word in words[1:]))
+                face = tuple(_corner(word, len(vertices)) for word in words[1:])
+                if len(face) < 3 or len(set(face)) < len(face):
+                    raise _wrong(path, f"line {number}: a face needs three different corners")
+                faces.append(face)
             elif words[0] == "#e" and len(words) == 4:
                 edges.append((int(words[1]) - 1, int(words[2]) - 1))
                 bends.append(words[3] == "1")
