@@ -21,6 +21,7 @@ from openprc.hooks.registry import Registered, Registry, default_registry, resol
 from openprc.hooks.running import run_experiment
 from openprc.hooks.validating import validate_run
 from openprc.schema.derive import attach_input
+from openprc.schema.trajectory import Trajectory
 
 
 @dataclass
@@ -150,6 +151,14 @@ def _score(row: Row, run: ProducedRun, folder: Path, *, order: int, registry: Re
         return
     if run.time_kind == "pseudo":
         row.state, row.remark = "static", "quasi-static load steps: there is no memory to score"
+        return
+    with Trajectory(run.path) as trajectory:
+        driven = bool(trajectory.inputs)
+    if not driven:
+        row.state, row.remark = (
+            "undriven",
+            "nothing drove the body: there is no input to compute with",
+        )
         return
     try:
         score = score_file(run.path, task=NarmaTask(order), experiment_dir=folder)

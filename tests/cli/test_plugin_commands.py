@@ -325,7 +325,6 @@ def test_demo_leaves_nothing_unless_told(demo, tmp_path):
         (lambda folder: Sample(folder / "none.fak"), "does not exist"),
         (lambda folder: Sample(write_sample(folder).path, inputs={"u": {}}), "KeyError"),
         (lambda folder: Sample(write_sample(folder).path, options={"a": 1}), "no option 'a'"),
-        (without_input, "what drove the body"),
     ],
 )
 def test_a_producer_that_fails_does_not_stop_the_others(demo, sample, remark):
@@ -334,6 +333,13 @@ def test_a_producer_that_fails_does_not_stop_the_others(demo, sample, remark):
     first, second = outcome.data["rows"]
     assert (first["state"], second["state"]) == ("failed", "ok")
     assert remark in first["remark"]
+
+
+def test_a_body_that_nothing_drives_has_no_score(demo):
+    outcome = demo("--json", a=without_input)
+    (row,) = outcome.data["rows"]
+    assert (outcome.code, row["state"], row["nrmse"]) == (0, "undriven", None)
+    assert "nothing drove the body" in row["remark"]
 
 
 def test_an_unavailable_producer_is_no_failure(demo):

@@ -11,6 +11,7 @@ from openprc.errors import (
     Diverged,
     UnreadableFile,
 )
+from openprc.schema.legacy import LegacyImporter
 from openprc.schema.legacy_clock import rebuild
 
 
@@ -263,3 +264,17 @@ def test_uneven_times_stay_as_they_are():
     clock = rebuild(stored, rates=[1.0])
     np.testing.assert_array_equal(clock.time, stored.astype("f8"))
     assert clock.remark == ""
+
+
+@pytest.mark.parametrize("attribute", ["schema_version", "every"])
+def test_a_run_that_lost_its_attributes_is_still_in_metres(tmp_path, attribute):
+    path = tmp_path / "simulation.h5"
+    write_run(path, motion())
+    with h5py.File(path, "r+") as file:
+        for name in list(file.attrs) if attribute == "every" else [attribute]:
+            del file.attrs[name]
+        stored = file["time_series/nodes/positions"][()]
+    assert LegacyImporter().sniff(path) == 1.0
+    with convert(path, tmp_path / "run.h5") as result:
+        assert result.position_unit == "m"
+        np.testing.assert_array_equal(result.positions(), stored)

@@ -61,6 +61,20 @@ def test_other_files_are_refused_by_name(tmp_path, write, words):
         convert(path, tmp_path / "run.h5")
 
 
+@pytest.mark.parametrize("trained", [True, False])
+def test_weights_alone_are_no_readout(tmp_path, trained):
+    """Networks of other programs keep `model/weights` as well."""
+    path = tmp_path / "weights.h5"
+    with h5py.File(path, "w") as file:
+        file["model/weights"] = np.zeros(5)
+        if trained:
+            file["preprocessing/X_mean"] = np.zeros(4)
+    assert LegacyImporter().sniff(path) == (0.7 if trained else 0.0)
+    words = "a trained readout" if trained else "none of the layouts"
+    with pytest.raises((NotATrajectory, UnreadableFile), match=words):
+        convert(path, tmp_path / "run.h5")
+
+
 def test_files_of_the_present_contract_are_not_claimed(experiment, tmp_path):
     out = tmp_path / "run.h5"
     convert(experiment, out).close()

@@ -44,10 +44,12 @@ def sideways() -> NDArray[np.float64]:
 
 
 def positions() -> NDArray[np.float64]:
-    """Return the positions, (T, N, 3) [nm]: a row along x, displaced along z."""
+    """Return the positions, (T, N, 3) [nm]: a row along x, on a parabola across it."""
+    across = sideways()
     found = np.zeros((len(times()), N_BEADS, 3))
     found[:, :, 0] = SPACING * np.arange(N_BEADS)
-    found[:, :, 2] = REACH * sideways()
+    found[:, :, 1] = REACH * across**2
+    found[:, :, 2] = REACH * across
     return found
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.errors import ConfigError, OpenPRCError
+from openprc.errors import ConfigError, OpenPRCError, UnreadableFile
 from openprc_merlin import (
     containers,
     geometry,
@@ -52,7 +52,7 @@ class Importer:
             except UnreadableFile:
                 # A workspace that was cut off: import_run() says where, which helps more than
                 # that nobody knows the file.
-                return 0.5 if kind == "mat5" else 0.0
+                return 0.5 if kind == "mat5" and path.suffix.lower() == ".mat" else 0.0
         except (
             ArithmeticError,
             AttributeError,

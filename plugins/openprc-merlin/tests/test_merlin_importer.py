@@ -129,6 +129,29 @@ def test_sniff_leaves_decoys_alone(tmp_path, name, content):
     assert Importer().sniff(path) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("name", "shape", "score"),
+    [
+        ("OrigamiUhis", (5, 4, 3), 0.6),
+        ("Uhis_bending", (12, 5), 0.6),
+        ("OrigamiUhis", (5, 4, 2), 0.0),
+        ("Uhistogram", (10, 1), 0.0),
+        ("Origami", (5, 4, 3), 0.0),
+    ],
+)
+def test_sniff_reads_longer_names_with_their_shape(mat, name, shape, score):
+    assert Importer().sniff(mat({name: np.zeros(shape)})) == score
+
+
+def test_a_workspace_that_was_cut_off_is_explained(mat, space, load):
+    path = mat(space)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    assert Importer().sniff(path) == 0.5
+    with pytest.raises(UnreadableFile, match="damaged or cut off"):
+        load(path)
+
+
 def test_sniff_leaves_other_contents_alone(mat, tmp_path):
     assert Importer().sniff(mat({"Node": np.zeros((3, 3)), "x": 1.0})) == 0.0
     assert Importer().sniff(mat({"truss": {"a": 1}}, "t.mat")) == 0.0

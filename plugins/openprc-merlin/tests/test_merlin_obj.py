@@ -135,6 +135,7 @@ def test_different_meshes_are_refused(folder, load):
         (b"v 0 0\n", "line 1 has 2 coordinates"),
         (b"v 0 0 x\n", "line 1 is 'v 0 0 x'"),
         (b"v 0 0 0\nf 1 2 3\n", "faces or edges that name others"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n", "line 4: a face needs three different corners"),
         (b"# nothing\n", "0 vertices"),
         (b"v \xff\xfe 0 0\n", "not text"),
     ],
@@ -152,3 +153,12 @@ def test_reference_of_another_mesh(folder, load, tmp_path):
     np.savez(tmp_path / "r.npz", nodes=np.zeros((5, 3)))
     with pytest.raises(SchemaError, match="the reference has 5 nodes, the sequence 4"):
         load(folder, reference=str(tmp_path / "r.npz"))
+
+
+def test_sheets_with_two_sides_fold_once(folder, load):
+    """Some programs list every triangle a second time, turned round, for its back."""
+    twice = [*FACES, *(face[::-1] for face in FACES)]
+    for number in range(2):
+        write_frame(folder, number, 0.3, faces=twice)
+    tr = load(folder).trajectory
+    np.testing.assert_allclose(np.abs(tr.element("hinges", "angle") - np.pi), 0.3, atol=1e-9)

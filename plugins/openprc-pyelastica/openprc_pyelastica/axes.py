@@ -21,6 +21,8 @@ Layout = Literal["3n", "n3"]
 
 #: How closely stored lengths follow from the positions: they are half a step older.
 LENGTH_TOLERANCE = 0.05
+#: Cosine of the angle between an element and its tangent, at least: they are half a step apart.
+ALIGNMENT = 0.9
 
 
 def from_shape(shape: Shape, *, rank: int = 1) -> Layout | None:
@@ -101,16 +103,25 @@ def decide(arrays: Mapping[str, NDArray[np.generic]], *, axes: str, key: str) ->
 
 
 def _votes(arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, Layout]:
+    """Return which layout each array speaks for; where one measures it, the shapes do not count.
+
+    Scripts that transpose the positions often leave directors and strains as they are.
+    """
     votes: dict[str, Layout] = {}
+    for name, measured in (
+        ("lengths", _from_lengths(arrays)),
+        ("tangents", _from_tangents(arrays)),
+    ):
+        if measured:
+            votes[name] = measured
+    if votes:
+        return votes
     for name, array in arrays.items():
         quantity = QUANTITIES.get(name)
         if quantity and quantity.rank and quantity.place != "node":
             layout = from_shape(array.shape, rank=quantity.rank)
             if layout:
                 votes[name] = layout
-    layout = _from_lengths(arrays)
-    if layout:
-        votes["lengths"] = layout
     return votes
 
 
@@ -124,6 +135,27 @@ def _from_lengths(arrays: Mapping[str, NDArray[np.generic]]) -> Layout | None:
     for layout in layouts:
         derived = np.linalg.norm(np.diff(nodes_last(position, layout), axis=1), axis=2)
         if np.all(np.abs(derived - stored) <= LENGTH_TOLERANCE * np.abs(stored)):
+            fits.append(layout)
+    return fits[0] if len(fits) == 1 else None
+
+
+def _from_tangents(arrays: Mapping[str, NDArray[np.generic]]) -> Layout | None:
+    """Compare the elements with the stored tangents, or with d3, which leans by the shear."""
+    stored, position = arrays.get("tangents"), arrays["position"]
+    if stored is not None and stored.ndim == 3:
+        tangents = canonical_order(stored, "3n", rank=1)
+    elif (directors := arrays.get("directors")) is not None and directors.ndim == 4:
+        tangents = canonical_order(directors, "3n", rank=2)[:, :, 2]
+    else:
+        return None
+    if tangents.shape != (len(position), 2, 3):
+        return None
+    fits: list[Layout] = []
+    layouts: tuple[Layout, Layout] = ("3n", "n3")
+    for layout in layouts:
+        arms = np.diff(nodes_last(position, layout), axis=1)
+        along = np.einsum("tex,tex->te", arms, tangents)
+        if np.all(along > ALIGNMENT * np.linalg.norm(arms, axis=2)):
             fits.append(layout)
     return fits[0] if len(fits) == 1 else None
 

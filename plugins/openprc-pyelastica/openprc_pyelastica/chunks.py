@@ -31,11 +31,12 @@ class ChunkSet:
     stem: str
     numbers: tuple[int, ...]
     paths: tuple[Path, ...]
+    empty: tuple[int, ...] = ()
 
     @property
     def missing(self) -> tuple[int, ...]:
         """Numbers that are skipped between the first and the last part."""
-        present = set(self.numbers)
+        present = {*self.numbers, *self.empty}
         return tuple(n for n in range(self.numbers[0], self.numbers[-1]) if n not in present)
 
 
@@ -73,6 +74,28 @@ def of_file(path: Path) -> ChunkSet | None:
     if not _CHUNK.match(path.name):
         return None
     return next((chunks for chunks in in_folder(path.parent) if path in chunks.paths), None)
+
+
+def without_empty(
+    parts: ChunkSet, contents: Sequence[Entries]
+) -> tuple[ChunkSet, list[Entries], list[str]]:
+    """Leave out the parts into which no sample fell, and say so; one part always remains.
+
+    `ExportCallBack` writes such files when its interval is shorter than the pause between
+    two samples.
+    """
+    kept = [place for place, entries in enumerate(contents) if entries] or [0]
+    left_out = len(contents) - len(kept)
+    if not left_out:
+        return parts, list(contents), []
+    whole = ChunkSet(
+        parts.stem,
+        tuple(parts.numbers[place] for place in kept),
+        tuple(parts.paths[place] for place in kept),
+        tuple(number for place, number in enumerate(parts.numbers) if place not in kept),
+    )
+    note = f"{left_out} of {len(contents)} parts of {parts.stem} hold no sample"
+    return whole, [contents[place] for place in kept], [note]
 
 
 def clock(entries: Mapping[str, NDArray[np.generic]]) -> NDArray[np.float64] | None:

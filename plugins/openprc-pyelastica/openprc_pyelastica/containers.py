@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 
 from openprc.errors import NotATrajectory, SchemaError, UnreadableFile
 from openprc.schema import safety
+from openprc_pyelastica.grouping import coordinates, flat_time, split_key
 from openprc_pyelastica.quantities import SNAPSHOT, canonical
 
 Entries = dict[str, NDArray[np.generic]]
 
 ZIP_MAGIC = b"PK\x03\x04"
+#: An archive without members, as `ExportCallBack` leaves when no sample fell into a part.
+EMPTY_ZIP_MAGIC = b"PK\x05\x06"
 MAX_DEPTH = 8
 
 
@@ -54,6 +57,8 @@ def read(path: Path, *, trust: bool) -> tuple[Entries, list[str]]:
     safety.check_readable(path)
     with path.open("rb") as stream:
         magic = stream.read(4)
+    if magic == EMPTY_ZIP_MAGIC:
+        return {}, []
     if magic == ZIP_MAGIC:
         try:
             refuse_snapshot(path)
@@ -172,6 +177,12 @@ def flatten(content: Any, path: Path) -> tuple[Entries, list[str]]:
             file=path,
         )
     _walk(content, "", entries, ignored, path, 0)
+    for key, array in entries.items():
+        if flat_time(array.shape) and split_key(key)[1] == "time":
+            entries[key] = array.reshape(-1)
+    for key, parts in coordinates({name: array.shape for name, array in entries.items()}).items():
+        if key not in entries:
+            entries[key] = np.stack([entries.pop(part) for part in parts], axis=1)
     return entries, sorted(ignored)
 
 

@@ -166,3 +166,26 @@ def unstack(shapes: Mapping[str, Shape]) -> dict[str, tuple[str, int]]:
         if quantity and len(shape) == 3 + quantity.rank and shape[1] == count:
             parts.update({f"rod{rod}/{key}": (key, rod) for rod in range(count)})
     return parts
+
+
+def flat_time(shape: Shape) -> bool:
+    """Tell whether times of this shape are one column or one row of them."""
+    return len(shape) == 2 and 1 in shape
+
+
+def coordinates(shapes: Mapping[str, Shape]) -> dict[str, tuple[str, str, str]]:
+    """Find positions that are kept as three arrays x, y, z of shape (T, n).
+
+    Returns
+    -------
+    dict of new key to the keys of x, y and z
+    """
+    found: dict[str, tuple[str, str, str]] = {}
+    for key, shape in shapes.items():
+        prefix = key[:-1]
+        if key[-1:] not in ("x", "X") or len(shape) != 2 or prefix[-1:] not in ("", *_SEPARATORS):
+            continue
+        y, z = (prefix + chr(ord(key[-1]) + step) for step in (1, 2))
+        if shapes.get(y) == shapes.get(z) == shape:
+            found[f"{prefix}position"] = (key, y, z)
+    return found

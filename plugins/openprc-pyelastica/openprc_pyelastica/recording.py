@@ -54,6 +54,8 @@ def load(path: Path, *, options: Mapping[str, Any]) -> Recording:
         entries if other == path else containers.read(other, trust=trust)[0]
         for other in parts.paths
     ]
+    parts, contents, remarks = chunks.without_empty(parts, contents)
+    recording.notes += remarks
     if _separate(contents):
         recording.notes.append(
             f"other files named {parts.stem}_NN are runs of their own and were left alone"
@@ -82,6 +84,8 @@ def _load_folder(folder: Path, options: Mapping[str, Any]) -> Recording:
             entries, ignored = containers.read(path, trust=bool(options["trust"]))
             contents.append(entries)
             notes += _ignored(ignored, path)
+        parts, contents, empty = chunks.without_empty(parts, contents)
+        notes += empty
         if len(contents) > 1 and _separate(contents):
             raise SchemaError(
                 f"the files {parts.stem}_NN are not parts of one run: they start at the same "

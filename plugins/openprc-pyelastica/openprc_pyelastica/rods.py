@@ -201,16 +201,17 @@ def _velocities(
 def _bars(n_nodes: int, series: Mapping[str, Series]) -> NDArray[np.int64]:
     first = np.arange(n_nodes - 1, dtype=np.int64)
     bars = np.stack([first, first + 1], axis=1)
-    if n_nodes > 2 and _n_elements(series) == n_nodes:
+    if n_nodes > 2 and n_nodes in (_count(series, "element"), _count(series, "joint")):
         bars = np.concatenate([bars, np.array([[n_nodes - 1, 0]])])
     return bars
 
 
-def _n_elements(series: Mapping[str, Series]) -> int | None:
+def _count(series: Mapping[str, Series], place: str) -> int | None:
+    """Return how many elements, or joints between them, there are; as many as nodes in a ring."""
     for quantity, item in series.items():
         info = QUANTITIES.get(quantity)
         on_clock = item.first_frame is not None or (info is not None and info.rank == 0)
-        if info and info.place == "element" and on_clock and item.values.ndim > info.rank:
+        if info and info.place == place and on_clock and item.values.ndim > info.rank:
             return int(item.values.shape[-1 - info.rank])
     return None
 

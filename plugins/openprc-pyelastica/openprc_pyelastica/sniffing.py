@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickletools
 import struct
 import zlib
 from collections.abc import Mapping
@@ -12,7 +13,14 @@ from openprc.errors import OpenPRCError
 from openprc.schema import safety
 from openprc_pyelastica import axes, chunks
 from openprc_pyelastica.containers import ZIP_MAGIC
-from openprc_pyelastica.grouping import Shape, group, split_key, unstack
+from openprc_pyelastica.grouping import (
+    Shape,
+    coordinates,
+    flat_time,
+    group,
+    split_key,
+    unstack,
+)
 from openprc_pyelastica.quantities import SIGNATURE, SNAPSHOT
 
 #: A part set of `ExportCallBack`, and objects of the simulator that have to be refused in words.
@@ -24,6 +32,9 @@ USUAL_NAMES = 0.6
 PLAIN = 0.55
 GENERIC = 0.4
 HINT = 0.2
+
+#: How much of a pickle is looked at for shapes.
+PEEK_BYTES = 1 << 16
 
 
 def score(path: Path) -> float:
@@ -50,13 +61,25 @@ def _score_file(path: Path) -> float:
     preview = safety.preview_pickle(path)
     if preview is None:
         return 0.0
-    return of_names(preview.globals, preview.strings)
+    sureness = of_names(preview.globals, preview.strings)
+    if sureness != USUAL_NAMES:
+        return sureness
+    # Other programs use the same words; components first is PyElastica's own habit.
+    layout = pickled_layout(path)
+    return FITS if layout == "3n" else PLAIN if layout == "n3" else sureness
 
 
 def of_shapes(shapes: Mapping[str, Shape]) -> float:
     """Judge an archive by the names and shapes of its arrays."""
     if shapes.keys() >= SNAPSHOT:
         return SURE  # to be refused in words
+    shapes = {
+        key: (max(shape),) if flat_time(shape) and split_key(key)[1] == "time" else shape
+        for key, shape in shapes.items()
+    }
+    for key, (x, y, z) in coordinates(shapes).items():
+        rest = {name: shape for name, shape in shapes.items() if name not in (x, y, z)}
+        shapes = {**rest, key: (shapes[x][0], 3, shapes[x][1])}
     stacked = unstack(shapes)
     if stacked:
         shapes = {new: shapes[key][:1] + shapes[key][2:] for new, (key, _) in stacked.items()} | {
@@ -101,6 +124,33 @@ def of_names(names: frozenset[str], strings: frozenset[str]) -> float:
     if "collections.defaultdict" in names:
         return FITS
     return USUAL_NAMES if {"time", "position"} <= strings else GENERIC
+
+
+def pickled_layout(path: Path) -> axes.Layout | None:
+    """Tell from the first arrays of a pickle which axis holds the components.
+
+    The shapes are read off as tuples of numbers; nothing is loaded.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(PEEK_BYTES)
+    numbers: list[int] = []
+    # Two numbers may also be a table (T, 3), such as a centre of mass: three speak first.
+    votes: dict[str, set[axes.Layout]] = {"TUPLE3": set(), "TUPLE2": set()}
+    try:
+        for opcode, argument, _ in pickletools.genops(head):
+            if opcode.name.startswith("BININT"):
+                numbers.append(int(argument))
+            elif opcode.name in votes:
+                shape = (1, *numbers[-2:])
+                layout = axes.from_shape(shape) if len(shape) == 3 and min(shape) > 0 else None
+                votes[opcode.name] |= {layout} if layout else set()
+                numbers = []
+            else:
+                numbers = []
+    except ValueError:
+        pass  # the first bytes of a longer pickle end anywhere
+    found = votes["TUPLE3"] or votes["TUPLE2"]
+    return found.pop() if len(found) == 1 else None
 
 
 def _is_signed(keys: Mapping[str, Shape] | frozenset[str]) -> bool:
