@@ -28,8 +28,10 @@ def validate_apart(path: str | Path, *, profile: Profile = "default") -> Report:
         return validate_file(path, profile=profile)
     reader, writer = os.pipe()
     with warnings.catch_warnings():
-        # Threads of numerical libraries are idle here, and the child does not need them.
+        # Threads of numerical libraries are idle here, and the child does not need them. Python
+        # warns of them, and so does JAX where it is loaded.
         warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.simplefilter("ignore", RuntimeWarning)
         child = os.fork()
     if child == 0:
         _work(path, profile, reader, writer)

@@ -114,7 +114,9 @@ def _time(
             file=path,
             key=key,
         )
-    if counter is not None and header.letters[header.names.index(counter)] in "Ii":
+    # Hardware counts time, not steps: whoever names its unit says so.
+    timed = counter == "t" and settings.time_unit != "s"
+    if counter is not None and not timed and header.letters[header.names.index(counter)] in "Ii":
         return _counted_time(log, path, settings, counter, stamp)
     factor = conversion_factor(settings.time_unit, "s")
     return settings.t0 + values * factor, (key,)

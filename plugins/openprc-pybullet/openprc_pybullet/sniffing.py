@@ -60,6 +60,8 @@ def _sniff_npz(path: Path) -> float:
     }
     if any(shape[1] == 3 for shape in framed.values()) and "step" in lower:
         return 0.4  # three nodes: (T, N, 3) and PyElastica's (T, 3, N) look the same
+    if framed.get("position", (0, 0))[1] == 3:
+        return 0.55  # as good a guess as PyElastica's, so that the user is asked
     known = any(name in POSITION_KEYS for name in framed) or any(key in lower for key in FACE_KEYS)
     if framed:
         return 0.7 if known else 0.6
@@ -79,7 +81,7 @@ def _sniff_csv(path: Path) -> float:
         # A table with a time column belongs to the importer of general tables.
         return 0.3 if placed and header.time else 0.0
     # Without time it is refused or needs dt; claiming it gives the user the reason.
-    return 0.7 if header.time else 0.55
+    return 0.75 if header.time else 0.55
 
 
 def _sniff_pickle(path: Path) -> float:

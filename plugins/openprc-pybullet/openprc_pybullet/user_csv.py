@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from openprc.errors import MissingData, NotATrajectory, SchemaError, UnreadableFile
 from openprc_pybullet.user_run import TIME_KEYS, TIME_KEYS_MS
 
-_BODY_KEYS = ("body", "body_id", "bodyid", "bodyuniqueid", "object", "objectid", "object_id", "id")
+_BODY_KEYS = (
+    "body", "body_id", "bodyid", "bodyuniqueid", "object", "objectid", "object_id", "id",
+    "objectuniqueid", "uniqueid", "unique_id", "uid",
+)  # fmt: skip
 _CELL = re.compile(
     r"(?P<prefix>.*?[ _.:/\-]|.*?\d|)(?P<kind>p|pos|q|ori|orn|quat|v|vel|)_?(?P<axis>[xyzw])"
     r"[ _.\-]?(?P<number>\d*)",
@@ -193,9 +196,9 @@ def _numbers(
             rows.append([float(cell) for cell in cells])
         except ValueError as error:
             raise UnreadableFile(
-                f"line {line}: {error}",
+                str(error),
                 expected="numbers only",
-                fix="write numbers with a decimal point",
+                fix="write numbers with a decimal point, and bodies as numbers",
                 file=path,
                 key=f"line {line}",
             ) from error

@@ -43,7 +43,7 @@ def read(path: Path, *, trust: bool) -> tuple[Entries, list[str]]:
     -------
     entries : dict of key to array
     ignored : list of str
-        Keys that hold no numbers.
+        Keys that hold no numbers, or whose shape changes and that nothing here knows.
 
     Raises
     ------
@@ -250,6 +250,8 @@ def _stack(value: Any, path: Path, key: str) -> NDArray[np.generic] | None:
         shapes = [np.shape(item) if isinstance(item, np.ndarray) else None for item in value]
         odd = next((i for i, shape in enumerate(shapes) if shape != shapes[0]), None)
         if odd is not None and None not in (shapes[0], shapes[odd]):
+            if split_key(key)[1] is None:
+                return None  # contacts and the like come and go; the run is good without them
             raise SchemaError(
                 f"sample {odd} has shape {shapes[odd]}, sample 0 has {shapes[0]}",
                 expected="the same shape in every sample",
@@ -261,6 +263,8 @@ def _stack(value: Any, path: Path, key: str) -> NDArray[np.generic] | None:
     try:
         array = np.asarray(value)
     except ValueError as error:
+        if split_key(key)[1] is None:
+            return None
         raise SchemaError(
             f"the samples cannot be stacked: {error}",
             expected="numbers or arrays of one shape",

@@ -106,7 +106,11 @@ def _separate(contents: list[Entries]) -> bool:
 
 
 def _ignored(keys: list[str], path: Path) -> list[str]:
-    return [f"{path.name}: {', '.join(keys)} hold no numbers and were left out"] if keys else []
+    return (
+        [f"{path.name}: {', '.join(keys)} hold no numbers of one shape and were left out"]
+        if keys
+        else []
+    )
 
 
 def _unstacked(recording: Recording) -> Recording:

@@ -33,6 +33,8 @@ PLAIN = 0.55
 GENERIC = 0.4
 HINT = 0.2
 
+#: Keys that users of PyBullet take for positions as well.
+EITHER = ("position",)
 #: How much of a pickle is looked at for shapes.
 PEEK_BYTES = 1 << 16
 
@@ -60,13 +62,22 @@ def _score_file(path: Path) -> float:
         return of_shapes({key: shape for key, (shape, _) in headers.items()})
     preview = safety.preview_pickle(path)
     if preview is None:
-        return 0.0
+        return PLAIN if _was_cut_off(path) else 0.0
     sureness = of_names(preview.globals, preview.strings)
-    if sureness != USUAL_NAMES:
+    if sureness not in (USUAL_NAMES, GENERIC):
         return sureness
     # Other programs use the same words; components first is PyElastica's own habit.
     layout = pickled_layout(path)
+    if sureness == GENERIC:
+        return PLAIN if layout == "3n" else GENERIC
     return FITS if layout == "3n" else PLAIN if layout == "n3" else sureness
+
+
+def _was_cut_off(path: Path) -> bool:
+    """Tell whether this is the beginning of a recording: to be refused in words."""
+    with path.open("rb") as stream:
+        head = stream.read(PEEK_BYTES)
+    return head[:1] == b"\x80" and b"position" in head and b"time" in head
 
 
 def of_shapes(shapes: Mapping[str, Shape]) -> float:
@@ -106,6 +117,8 @@ def of_shapes(shapes: Mapping[str, Shape]) -> float:
     if layout == "3n":
         key = slots["position"]
         return FITS if len(key) > 1 else PLAIN
+    if layout is None and "step" not in shapes and slots["position"] in EITHER:
+        return PLAIN  # three nodes: as good a guess as PyBullet's, so that the user is asked
     return GENERIC
 
 
