@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from openprc.cli.console import console, json_option, print_json, progress_bar, table
+from openprc.cli.options import pairs_option, parse_pairs
 from openprc.hooks.registry import default_registry
 
 if TYPE_CHECKING:
@@ -23,11 +25,17 @@ _WORDS = {"passed": "ok", "failed": "FAILED", "skipped": "left out", "expected":
     "--check", "wanted", multiple=True, metavar="ID",
     help="Only these checks or families, such as SNIFF or ROBUST-2; repeat it for several.",
 )  # fmt: skip
+@pairs_option("runner")
 @click.option("--all", "show_all", is_flag=True, help="Show what passed, too.")
 @json_option
 @click.pass_context
 def command(
-    ctx: click.Context, name: str, wanted: tuple[str, ...], show_all: bool, as_json: bool
+    ctx: click.Context,
+    name: str,
+    wanted: tuple[str, ...],
+    options: tuple[str, ...],
+    show_all: bool,
+    as_json: bool,
 ) -> None:
     """Run the conformance kit on the installed plugin NAME, by its distribution or entry point.
 
@@ -35,7 +43,13 @@ def command(
     recorder needs, is known to the plugin's own tests only, which run the same checks.
     """
     # The kit loads what it drives; listing commands must not.
-    from openprc.testing import all_checks, cases_of, check_distribution, checks_for  # noqa: PLC0415
+    from openprc.testing import (  # noqa: PLC0415
+        RunnerCase,
+        all_checks,
+        cases_of,
+        check_distribution,
+        checks_for,
+    )
 
     known = {part for check in all_checks() for part in (check.id, check.family)}
     stray = sorted(set(wanted) - known)
@@ -44,7 +58,12 @@ def command(
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise click.BadParameter(f"there is no check {stray[0]!r}.{hint}", param_hint="--check")
     registry = default_registry()
-    cases = cases_of(name, registry=registry)
+    given = parse_pairs(options)
+    cases = [
+        # A case keeps what it has looked up, so that it is made anew and not changed.
+        replace(case, options=given) if isinstance(case, RunnerCase) and given else case
+        for case in cases_of(name, registry=registry)
+    ]
     total = sum(len(checks_for(case)) for case in cases)
     done = 0
     with progress_bar(f"checking {name}", hidden=as_json) as progress:

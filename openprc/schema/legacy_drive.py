@@ -105,6 +105,7 @@ def stored_drives(
                 key=f"{STORED}/{key}",
             )
         value = read(item, slice(0, rows)).astype(np.float64).reshape(rows, -1)
+        _check_finite(value, path, f"{STORED}/{key}")
         wire = wired.get(int(key))
         kind = "position" if wire is None else wire.type
         drives.append(
@@ -184,10 +185,11 @@ def _sample(
     good = item.dtype.kind in "fiu" and item.ndim in (1, 2) and len(item) > 0
     values = read(item).astype(np.float64) if good else np.empty(0)
     values = values.reshape(len(values), -1)
-    if not good or values.shape[1] not in (1, 3) or not np.isfinite(values).all():
+    _check_finite(values, path, wire.signal)
+    if not good or values.shape[1] not in (1, 3):
         raise UnreadableFile(
             f"the signal is {item.dtype} of shape {item.shape}",
-            expected="(T,) or (T, 3) finite numbers",
+            expected="(T,) or (T, 3) numbers",
             fix="correct it, or move the input folder away to import the run without its drive",
             file=path,
             key=wire.signal,
@@ -201,6 +203,18 @@ def _sample(
         value=np.stack([np.interp(time, at, column) for column in values.T], axis=1),
         absolute=wire.type == "position",
     )
+
+
+def _check_finite(values: NDArray[np.float64], path: Path, key: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if bad.size:
+        raise UnreadableFile(
+            f"the drive is {values[bad[0]].tolist()} at sample {bad[0]}",
+            expected="finite numbers",
+            fix="correct it, or remove it to import the run without this drive",
+            file=path,
+            key=key,
+        )
 
 
 def _merge(drives: list[Drive]) -> list[Drive]:

@@ -121,6 +121,9 @@ def _undo_calibration(
             "to about 0.003 px and takes the scene for flat"
         )
         return places, stated
+    if kind is None and stated is None:
+        writer.note("no calibration is stored and no unit of length: arb")
+        return places, "arb"
     writer.note(f"the calibration {kind!r} states the unit {stated!r}, which is none here: arb")
     return places, "arb"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from openprc.hooks import FeatureSpec
+from openprc.hooks import FeatureSpec, OptionSpec, ProducerSpec
 
 
 @pytest.fixture
@@ -59,6 +59,28 @@ def test_wrong_calls(openprc):
     done = openprc("check-plugin", "absent")
     assert done.code == 2
     assert "no working plugin 'absent'" in done.text
+
+
+def test_options_reach_the_runner(openprc, install):
+    seen = []
+
+    class Runner:
+        def supports(self, experiment):
+            return []
+
+        def run(self, experiment, writer, *, seed, progress, options):
+            seen.append(options["gain"])
+            raise ValueError("on purpose")
+
+    spec = ProducerSpec(
+        "strong", "Runs", install.code("Runner", Runner), capabilities=("run",),
+        run_options=(OptionSpec("gain", "How strong", kind="float", default=1.0),),
+        citation="A. Author (2026)",
+    )  # fmt: skip
+    install(strong={"openprc_producers": [spec]})
+    done = openprc("check-plugin", "strong", "--check", "RUN-3", "-o", "gain=2.5")
+    assert (done.code, set(seen)) == (1, {2.5})
+    assert "ValueError: on purpose" in done.text
 
 
 def test_a_plugin_without_anything_to_check(openprc, install):

@@ -240,6 +240,21 @@ def test_stored_drive_of_an_unknown_form_is_named(tmp_path):
         convert(path, tmp_path / "run.h5")
 
 
+def test_drives_that_are_not_finite_are_named(experiment, tmp_path):
+    path = write_run(tmp_path / "a.h5", motion())
+    with h5py.File(path, "r+") as file:
+        file["time_series/actuation_signals/1"] = np.full((N_FRAMES, 3), np.nan)
+    with pytest.raises(
+        UnreadableFile, match=r"the drive is \[nan, nan, nan\] at sample 0"
+    ) as error:
+        convert(path, tmp_path / "run.h5")
+    assert error.value.key == "time_series/actuation_signals/1"
+    with h5py.File(experiment / "input/signals.h5", "r+") as file:
+        file["push"][7] = np.inf
+    with pytest.raises(UnreadableFile, match=r"the drive is .*inf.* at sample 7"):
+        convert(experiment, tmp_path / "run.h5")
+
+
 # --- the clock ---
 
 

@@ -192,6 +192,14 @@ def test_damaged_vision_file_is_named(tmp_path, name, value, words):
         convert(path, tmp_path / "run.h5")
 
 
+def test_vision_file_with_an_empty_calibration_has_arbitrary_lengths(tmp_path):
+    path = tmp_path / "vision.h5"
+    write_vision(path, calibration={})
+    with convert(path, tmp_path / "run.h5") as run:
+        assert run.position_unit == "arb"
+        assert "no calibration is stored and no unit of length" in notes(run)
+
+
 def test_vision_file_without_a_calibration_is_named(tmp_path):
     path = tmp_path / "vision.h5"
     write_vision(path, calibration=None)

@@ -108,7 +108,8 @@ class Importer:
             variables: Mapping[str, Any] = {}
         else:
             container = containers.read(path)
-            said = stated.read(_merge(container.variables, lent, path), file=path)
+            loose, nested = _unpacked(container.variables)
+            said = stated.read(_merge(loose, lent, path), file=path)
             variables = said.variables
             units = Units(
                 options.get("unit") or said.length, options.get("force-unit") or said.force
@@ -121,7 +122,7 @@ class Importer:
             )
             laws = material.infer(space, c0=options.get("c0"))
             result, notes = assemble(space, laws, units, keep=bool(options.get("stored")))
-            notes = [*container.notes, *notes]
+            notes = [*container.notes, *nested, *notes]
             if options.get("verify"):
                 outcome = verify.check(space, laws)
                 notes.append(outcome if isinstance(outcome, str) else outcome.text)
@@ -141,6 +142,21 @@ class Importer:
         for note in notes:
             writer.note(note)
         run.write(result, writer, instants=instants, unit=unit, kind=kind)
+
+
+def _unpacked(variables: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
+    """Return the workspace, also when all of it was saved as the fields of one struct."""
+    if "truss" in variables or any(histories.is_displacement(name) for name in variables):
+        return variables, []
+    inside = [
+        name
+        for name, value in variables.items()
+        if isinstance(value, dict) and any(histories.is_displacement(field) for field in value)
+    ]
+    if len(inside) != 1:
+        return variables, []
+    rest = {name: value for name, value in variables.items() if name != inside[0]}
+    return {**rest, **variables[inside[0]]}, [f"the workspace is the struct {inside[0]}"]
 
 
 def _names_in_text(path: Path) -> bool:

@@ -201,7 +201,8 @@ def triangles(
         return triangles, []
     angles = variables.get("angles")
     inner = angles.get("Panel") if isinstance(angles, dict) else None
-    panels = next((p for p in (variables.get("Panel"), inner) if isinstance(p, list)), None)
+    both = (_as_rows(variables.get("Panel")), _as_rows(inner))
+    panels = next((p for p in both if p is not None), None)
     if not panels:
         return None, []
     rows: list[tuple[int, int, int]] = []
@@ -216,3 +217,10 @@ def triangles(
     note = "truss.Trigl is missing; panels were cut into triangles from their first corner"
     cut = any(isinstance(panel, np.ndarray) and panel.size > 3 for panel in panels)
     return np.array(rows, dtype=np.int64).reshape(-1, 3), [note] if cut else []
+
+
+def _as_rows(panels: Any) -> list[Any] | None:
+    """Return the panels one by one; a matrix has one in each row, shorter ones filled with NaN."""
+    if isinstance(panels, np.ndarray) and panels.ndim == 2 and panels.shape[1] >= 3:
+        return [row[np.isfinite(row)] for row in panels]
+    return panels if isinstance(panels, list) else None

@@ -135,6 +135,15 @@ def test_time_column_by_name(pb_import, write_log):
     np.testing.assert_allclose(run.time, np.arange(5) * 0.01)
 
 
+def test_hardware_counts_milliseconds_where_the_user_says_so(pb_import, write_log):
+    """Real robots write t in ms as a whole number; PyBullet's own logger counts steps there."""
+    path = write_log(sensors("t,volt", "If", [(10 * i, i) for i in range(5)]))
+    assert pb_import(path).time_kind == "pseudo"
+    run = pb_import(path, time_unit="ms")
+    assert run.time_kind == "physical"
+    np.testing.assert_allclose(run.time, np.arange(5) * 0.01, rtol=0, atol=1e-15)
+
+
 def test_several_records_an_instant(pb_import, write_log):
     names = "stepCount,timeStamp,controllerId,posX"
     path = write_log(sensors(names, "IfIf", [(i // 2, i // 2, i % 2, 0.0) for i in range(8)]))

@@ -26,7 +26,7 @@ sniff = Importer().sniff
         ("pendulum5_chain_truth.npz", 0.7),
         ("r2d2_drive_truth_every4.npz", 0.6),
         ("laikago_replay_user.pkl", 0.6),
-        ("r2d2_base.csv", 0.7),
+        ("r2d2_base.csv", 0.75),
         ("cubes_t100_poses.csv", 0.55),
     ],
 )

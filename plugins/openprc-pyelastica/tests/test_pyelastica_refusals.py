@@ -117,7 +117,8 @@ def test_truncated_files(tmp_path, save, dump, wave, refuses, share):
     for path in (save(**wave()), dump(wave())):
         content = path.read_bytes()
         path.write_bytes(content[: int(len(content) * share)])
-        assert Importer().sniff(path) < 0.5
+        # A pickle that was cut off is claimed, so that the user hears what is wrong with it.
+        assert Importer().sniff(path) == (0.55 if path.suffix == ".dat" else 0.0)
         refuses(path, UnreadableFile, "archive|pickle")
 
 

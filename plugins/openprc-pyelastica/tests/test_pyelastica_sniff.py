@@ -58,7 +58,7 @@ def test_components_first_beat_nodes_first(tmp_path):
         (("time", "position"), True, 0.7, 0.7),
         (("time", "position", "sigma"), False, 0.8, 0.9),
         (("time", "position"), False, 0.5, 0.7),
-        (("t", "positions"), False, 0.0, 0.49),
+        (("t", "positions"), False, 0.55, 0.55),  # components first
         (("time", "torque"), True, 0.0, 0.0),
     ],
 )
