@@ -167,9 +167,12 @@ def _nobody(path: Path, verdicts: list[Verdict], registry: Registry) -> NoImport
             file=path,
         )
     asked = ", ".join(f"{v.item.name} {v.score:g}" for v in verdicts) or "nobody"
+    nearest = max(verdicts, key=lambda v: v.score, default=None)
+    # An importer that is nearly sure knows best what is wrong with the file.
+    name = nearest.item.name if nearest is not None and nearest.score > 0.0 else "NAME"
     return NoImporter(
         f"no importer recognises it; asked: {asked}",
         expected=f"one that is at least {THRESHOLD:g} sure",
-        fix="force one with --as NAME, or install the plugin for this format" + remark,
+        fix=f"force one with --as {name}, or install the plugin for this format" + remark,
         file=path,
     )

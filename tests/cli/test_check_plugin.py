@@ -78,7 +78,7 @@ def test_options_reach_the_runner(openprc, install):
         citation="A. Author (2026)",
     )  # fmt: skip
     install(strong={"openprc_producers": [spec]})
-    done = openprc("check-plugin", "strong", "--check", "RUN-3", "-o", "gain=2.5")
+    done = openprc("check-plugin", "strong", "--check", "RUN-1", "-o", "gain=2.5")
     assert (done.code, set(seen)) == (1, {2.5})
     assert "ValueError: on purpose" in done.text
 

@@ -108,7 +108,10 @@ def test_nobody_claims_it_and_who_was_asked(choose, file):
     with pytest.raises(NoImporter, match=r"no importer recognises it; asked: a 0\.3, b 0\n") as e:
         choose(file, a=sure(0.3), b=sure(0.0))
     assert e.value.expected == "one that is at least 0.5 sure"
-    assert "--as NAME" in e.value.fix
+    assert "--as a," in e.value.fix  # who is nearly sure knows best what is wrong
+    with pytest.raises(NoImporter) as none:
+        choose(file, a=sure(0.0))
+    assert "--as NAME" in none.value.fix
     assert (e.value.file, e.value.exit_code) == (str(file), 2)
 
 
