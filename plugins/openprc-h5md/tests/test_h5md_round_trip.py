@@ -122,6 +122,24 @@ def test_mdanalysis_reads_it(run, truth, tmp_path):
     universe.trajectory.close()
 
 
+@pytest.mark.parametrize(("unit", "kind"), [("arb", "pseudo"), ("px", "physical")])
+def test_mdanalysis_reads_what_has_no_length_or_duration(tmp_path, unit, kind):
+    """As the README says: without conversion, over a topology of so many nodes."""
+    mda = pytest.importorskip("MDAnalysis", reason="MDAnalysis is not installed")
+    places = np.random.default_rng(2).normal(size=(3, 4, 3)).astype("f4")
+    with TrajectoryWriter(tmp_path / "a.h5", provenance=Provenance("test")) as writer:
+        writer.declare_time(unit="1" if kind == "pseudo" else "s", kind=kind)
+        writer.declare_nodes(4, 3, unit=unit)
+        writer.append(np.arange(3.0), positions=places)
+    (made,) = export_file(tmp_path / "a.h5", tmp_path / "a.h5md")
+    universe = mda.Universe.empty(4, trajectory=True)
+    universe.load_new(str(made), convert_units=False)
+    assert len(universe.trajectory) == 3
+    assert universe.trajectory[2].time == 2.0
+    np.testing.assert_array_equal(universe.atoms.positions, places[2])
+    universe.trajectory.close()
+
+
 def test_pyh5md_reads_it(run, truth, tmp_path):
     """The authors of the format publish this reader."""
     pyh5md = pytest.importorskip("pyh5md", reason="pyh5md is not installed")

@@ -158,7 +158,9 @@ def choose_course(experiment: Experiment, drives: Drives, options: Mapping[str, 
         *((name, options[name]) for name in _POSITIVE if options[name] is not None),
     ):
         if not value > 0:
-            raise _wrong(name, f"{value}", "a number above 0", "correct it")
+            raise _wrong(
+                name, f"{name}={value}", "a number above 0", "give one, or leave the option out"
+            )
     allowed = options["max-iterations"] or (ARC_ITERATIONS if along else STATION_ITERATIONS)
     far = options["max-displacement"]
     return Course(

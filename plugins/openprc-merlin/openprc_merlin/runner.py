@@ -95,8 +95,10 @@ class PathRunner:
         before = balance.point(start, factor, iterations=0, n_negative=n_negative)
         recorder.record(before)
         progress(0.0, "at rest")
+        lowest = highest = factor
         for number, point in enumerate(_path(balance, start, drives, course), 1):
             recorder.record(point)
+            lowest, highest = min(lowest, point.factor), max(highest, point.factor)
             if not along and (released := jump(balance, before, point)):
                 writer.note(
                     f"increment {number} is a jump: {released:.3g} J are released on the way to"
@@ -107,6 +109,8 @@ class PathRunner:
             if ending := _ending(point, course, start):
                 writer.note(f"the path ends at increment {number}: {ending}")
                 break
+        if along:
+            writer.note(_range_of_loads(lowest, highest, course))
         if recorder.hidden:
             writer.note(
                 f"rounding hides the number of negative eigenvalues in {recorder.hidden} frames:"
@@ -148,6 +152,14 @@ def _ending(point: PathPoint, course: Course, start: Floats) -> str:
     if course.unstable == "stop" and point.n_negative:
         return f"the state is unstable ({point.n_negative} negative eigenvalues of the stiffness)"
     return ""
+
+
+def _range_of_loads(lowest: float, highest: float, course: Course) -> str:
+    """Say how far the path went: its length is a number of increments, not a load."""
+    said = f"load factors from {lowest:.4g} to {highest:.4g}"
+    if max(-lowest, highest) > 1.0 and not np.isfinite(course.max_load):
+        return f"{said}, beyond the forces of the experiment; max-load=1 ends the path there"
+    return said
 
 
 def _remarks(experiment: Experiment, course: Course, start: Floats) -> Iterator[str]:

@@ -326,8 +326,8 @@ def test_refused_with_the_reason(change, words, ran):
             "both arc-length and initial-load-factor",
         ),
         ("force", {"initial-load-factor": 0.0}, "load factor of the first increment, not 0"),
-        ("force", {"increments": 0}, "a number above 0"),
-        ("force", {"tolerance": -1.0}, "a number above 0"),
+        ("force", {"increments": 0}, "increments=0(?s:.)*a number above 0"),
+        ("force", {"tolerance": -1.0}, "tolerance=-1.0(?s:.)*a number above 0"),
     ],
 )
 def test_option_that_does_not_fit(ran, drive, options, words):
@@ -349,6 +349,20 @@ def test_load_on_what_nothing_holds(ran):
     loose = replace(scene.geometry, fixed=[False] * 3)
     with pytest.raises(ConfigError, match="which nothing holds"):
         ran(replace(scene, geometry=loose, actuators=scene.actuators[1:]))
+
+
+def test_the_file_says_which_loads_the_path_goes_through(ran):
+    """An increment is a length along the path: n of them may go far beyond the forces given."""
+    far = ran(truss(n=60), initial_load_factor=0.05)
+    load = far.input("load").value
+    assert load.max() > 1.0
+    assert f"load factors from {load.min():.4g} to {load.max():.4g}, beyond the forces" in far.text
+    assert "max-load=1 ends the path there" in far.text
+    told = ran(truss(n=60), initial_load_factor=0.05, max_load=1.0)
+    assert told.n_frames < far.n_frames
+    assert "the load factor is" in told.text
+    assert "beyond the forces" not in told.text
+    assert "load factors" not in ran(truss("position")).text
 
 
 def test_every_option_has_a_default_that_runs(ran):

@@ -323,6 +323,7 @@ def test_simulators_that_are_none(tmp_path, simulator, words):
     ({"soft": 3}, "'soft' is given as 3"), ({"bodies": 0}, "bodies is 0"),
     ({"bodies": ["arm"]}, "there is no body 'arm'"), ({"signals": [1.0]}, "signals is a list"),
     ({"soft": {0: {"mass": -1.0}}}, "soft body 0 is given as"),
+    ({"body": [0]}, "there is no option 'body'(?s:.)*some of bodies, nodes, soft"),
 ])  # fmt: skip
 def test_options_that_are_wrong(scene, tmp_path, options, words):
     _, _, _, begin = scene

@@ -67,7 +67,7 @@ def run(
     scene = RodScene(experiment, options=chosen, dt=dt)
     thinning = chosen["section"] == "thinning"
     frames = RodFrames(experiment, writer, thinning=thinning)
-    for remark in _remarks(scene, limit):
+    for remark in _remarks(experiment, scene, limit):
         writer.note(remark)
     frames.declare()
     loop = _Loop(experiment, scene, frames, limit)
@@ -168,15 +168,17 @@ class _Loop:
         self.frames.append(first, self.positions[:count], self.velocities[:count])
 
 
-def _remarks(scene: RodScene, limit: StepLimit) -> list[str]:
+def _remarks(experiment: Experiment, scene: RodScene, limit: StepLimit) -> list[str]:
     counts = ", ".join(str(part.chain.n_elements) for part in scene.parts)
     notes = [
         f"PyElastica {version('pyelastica')} integrated {len(scene.parts)} rod(s) of {counts}"
         f" elements by position Verlet in steps of {scene.dt:g} s; the stability limit at the start"
         f" is {limit.step:.3g} s, set by {limit.setter}",
-        "forces of signals act as they are in the middle of a step; a bar of stiffness k is an "
-        "element of EA = k l, a bend of stiffness k a vertex of EI = k l",
+        "a bar of stiffness k is an element of EA = k l,"
+        " a bend of stiffness k a vertex of EI = k l",
     ]
+    if any(actuator.type == "force" for actuator in experiment.actuators):
+        notes.append("forces of signals act as they are in the middle of a step")
     for number, part in enumerate(scene.parts):
         material = part.material
         name = f"rod {number}" if len(scene.parts) > 1 else "the rod"

@@ -51,6 +51,7 @@ def test_substeps(make_chain, make_experiment, run_rods, load, notes):
     coarse = {"duration": 0.19, "dt": 1.9e-3, "save_interval": 0.019}
     run = run_rods(make_experiment(geometry, **coarse, **load), substeps="auto")
     assert "in steps of 0.000633333 s" in notes(run)
+    assert "forces of signals act as they are in the middle of a step" in notes(run)
     told = run_rods(make_experiment(geometry, **coarse, **load), substeps="3")
     np.testing.assert_array_equal(run.positions(), told.positions())
 
@@ -99,6 +100,7 @@ def test_the_file_is_valid_and_says_what_it_is(make_chain, make_experiment, run_
     assert "integrated 2 rod(s) of 4, 4 elements by position Verlet" in notes(run)
     assert "node(s) 1 are fixed in the experiment; here they are carried" in notes(run)
     assert "the largest strain of a frame" in notes(run)
+    assert "forces of signals" not in notes(run)  # there are none
     report = validate_file(run.path)
     assert [finding for finding in report.findings if finding.level == "error"] == []
     np.testing.assert_array_equal(run.positions()[:, 9], np.tile(two.positions[9], (11, 1)))
