@@ -149,7 +149,7 @@ def _init(words: dict[str, str], kinds: list[str]) -> str:
         fields = ""
         if "import" in kinds:
             fields += f'            suffixes=(".{words["name"]}",),\n'
-            fields += f'            magic=(b"{words["name"]} 1",),\n'
+            fields += f'            magic=(b"{words["name"]} trajectory 1",),\n'
             fields += (
                 '            options=(OptionSpec("unit", "Unit of lengths", default="mm"),),\n'
                 f'            sample="{words["package"]}.samples:write_sample",\n'
