@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import atexit
+import inspect
 import sys
 import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from openprc.errors import ConfigError
 from openprc.hooks.faults import owned_by
 from openprc.hooks.importing import ProducedRun, describe_run, provenance_of, refuse_invalid
 from openprc.hooks.registry import Registered, Registry, default_registry
@@ -153,6 +155,8 @@ def record_run(
     ------
     UnknownName, MissingDependency
         When there is no such recorder, or its simulator is not installed.
+    ConfigError
+        When the recorder has no such option.
     ResultExists
         When `out` is there and `overwrite` is false.
     PluginError
@@ -161,6 +165,7 @@ def record_run(
     registry = registry or default_registry()
     item = registry.producer(producer)
     recorder = registry.load(item, capability="record")
+    _check_options(recorder, options)
     provenance = provenance_of(item, seed=seed)
     checks: list[Recording] = []
     writer = TrajectoryWriter(
@@ -173,6 +178,22 @@ def record_run(
     checks.append(recording)
     recording.attach(recorder, simulator, options)
     return recording
+
+
+def _check_options(recorder: Any, options: dict[str, Any]) -> None:
+    """Refuse a misspelt option: it is the script's fault, not the plugin's."""
+    parameters = inspect.signature(recorder.attach).parameters.values()
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return
+    known = [p.name for p in parameters if p.kind is p.KEYWORD_ONLY]
+    for name in options:
+        if name not in known:
+            raise ConfigError(
+                f"there is no option {name!r}",
+                expected="some of " + (", ".join(known) or "none: the recorder takes no options"),
+                fix="correct the call of record_run",
+                key=name,
+            )
 
 
 __all__ = ["Recording", "record_run"]

@@ -10,7 +10,14 @@ from contextlib import contextmanager
 
 import pytest
 
-from openprc.errors import IncompleteFile, PluginError, ResultExists, SchemaError, UnknownName
+from openprc.errors import (
+    ConfigError,
+    IncompleteFile,
+    PluginError,
+    ResultExists,
+    SchemaError,
+    UnknownName,
+)
 from openprc.hooks import ProducerSpec, Registry, record_run
 from openprc.schema import Trajectory
 
@@ -143,6 +150,19 @@ def test_results_are_not_replaced_unless_told(start, tmp_path):
     assert (tmp_path / "run.h5").read_bytes() == before
     start(overwrite=True).close()
     assert (tmp_path / "run.h5").read_bytes() != before
+
+
+def test_a_misspelt_option_is_the_scripts_fault(make_entry, make_code, tmp_path):
+    class Strict:
+        @contextmanager
+        def attach(self, simulator, writer, *, every=1, nodes="com"):
+            raise AssertionError("it is not called")
+
+    spec = ProducerSpec("strict", "S", make_code("Strict", Strict), capabilities=("record",))
+    registry = Registry([make_entry("strict", openprc_producers=[spec])])
+    with pytest.raises(ConfigError, match=r"no option 'evrey'(?s:.)*some of every, nodes"):
+        record_run(1, tmp_path / "run.h5", producer="strict", registry=registry, evrey=2)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_who_cannot_record_is_said(tmp_path):

@@ -22,11 +22,6 @@ from openprc_pybullet.recorded_signals import read_signals_option
 from openprc_pybullet.recorded_soft import SoftBody, SoftPart, read_soft_option, refuse_hollow
 from openprc_pybullet.recorder_session import Session
 
-_OPTIONS = (
-    *("bodies", "nodes", "soft", "contacts", "signals", "joints", "every", "t0"),
-    *("variable_dt", "limit"),
-)
-
 
 class Recorder:
     """Records bodies, soft bodies, contacts and commands of a PyBullet scene."""
@@ -46,7 +41,6 @@ class Recorder:
         t0: float = 0.0,
         variable_dt: bool = False,
         limit: float | None = 1e4,
-        **unknown: Any,
     ) -> Session:
         """Look at the scene and return the session whose ``step`` or ``record`` is called.
 
@@ -74,8 +68,6 @@ class Recorder:
             Ask for the time step in every step, because the script changes it.
         limit : float, or None
             How many sizes of the scene a node may go from where it began.
-        **unknown
-            Refused: a name that is misspelt is the script's fault, not this plugin's.
 
         Raises
         ------
@@ -86,13 +78,6 @@ class Recorder:
         MissingDependency
             When PyBullet cannot be imported.
         """
-        for name in unknown:
-            raise ConfigError(
-                f"there is no option {name!r}",
-                expected="some of " + ", ".join(_OPTIONS),
-                fix="correct the call of record_run",
-                key=name,
-            )
         _check_choice("nodes", nodes, NODE_CHOICES)
         if not isinstance(contacts, bool):
             _check_choice("contacts", contacts, CONTACT_CHOICES)
