@@ -1,0 +1,1 @@
+"""A library of bodies in neutral terms, each with what is known about its motion."""
