@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
+from openprc.demlat.planning.model_differences import modelled
 from openprc.demlat.signal_table import sample_signal
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from openprc.demlat.models.barhinge.tables import FrameBuffer
     from openprc.demlat.planning.plan import Plan
-    from openprc.hooks.protocols import Progress
+    from openprc.hooks.protocols import Modelled, Progress
     from openprc.schema import Experiment, Finding, TrajectoryWriter
 
 #: Columns of `FrameBuffer.energy` and `FrameBuffer.ledger`.
@@ -47,6 +48,10 @@ class DemlatProducer:
     def supports(self, experiment: Experiment) -> Sequence[Finding]:
         """Return what the engine cannot model in `experiment`; empty means all of it."""
         return self.model.supports(experiment)
+
+    def models(self, experiment: Experiment) -> Modelled:
+        """Return what the scheme does to the motion that the scene does not ask for."""
+        return modelled(experiment)
 
     def plan(self, experiment: Experiment) -> Plan:
         """Return what a run of `experiment` would do and cost; nothing is run."""

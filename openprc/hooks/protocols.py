@@ -97,6 +97,42 @@ class Planner(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Modelled:
+    """How a producer's model of an experiment differs from what the experiment says.
+
+    ``leaves_out`` is what the experiment has and the result will not show, ``adds`` what the
+    result will show and the experiment does not have; a clause each, without a full stop.
+    What is refused is neither: `Runner.supports` tells that.
+    """
+
+    leaves_out: tuple[str, ...] = ()
+    adds: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class Describer(Protocol):
+    """A `Runner` that can say what its model leaves out and adds; optional.
+
+    Examples
+    --------
+    >>> from openprc.hooks.protocols import Describer, Modelled
+    >>> class Statics:
+    ...     def models(self, experiment):
+    ...         return Modelled(leaves_out=("inertia: masses play no part",))
+    >>> isinstance(Statics(), Describer)
+    True
+    """
+
+    def models(self, experiment: Experiment) -> Modelled:
+        """Say so of `experiment`, with default options and without running it.
+
+        Also of an experiment that is refused, where this tells what would be left out if the
+        refused parts were not there.
+        """
+        ...
+
+
 @runtime_checkable
 class Recorder(Protocol):
     """Attaches to a simulation whose loop the user's own script owns (``"record"``)."""

@@ -8,6 +8,7 @@ from pydantic import (  # noqa: TID253 - loaded only to read a config
     BaseModel,
     ConfigDict,
     Field,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -17,6 +18,7 @@ from openprc.schema.experiment import whole_multiple
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, lt=1)]
 
 
 class _Section(BaseModel):
@@ -27,10 +29,20 @@ class _Section(BaseModel):
 class SimulationSection(_Section):
     """How long, how finely, and with which scheme."""
 
+    # Before dt and integrator, which may be left out where this is given.
+    accuracy: Share | None = Field(
+        default=None,
+        description="rms error of positions over rms displacement, which integrator and step are"
+        " chosen for",
+    )
     duration: NonNegative = Field(description="simulated time [s], a multiple of save_interval")
-    dt: Positive = Field(description="time step of the integrator [s]")
+    dt: Positive | None = Field(
+        default=None, validate_default=True, description="time step of the integrator [s]"
+    )
     save_interval: Positive = Field(description="time between saved frames [s], a multiple of dt")
-    integrator: str = Field(default="rk4", min_length=1, description="name of the integrator")
+    integrator: str | None = Field(
+        default=None, min_length=1, description="name of the integrator"
+    )
     tolerance: Positive | None = Field(
         default=None, description="relative error per step of integrators that choose their step"
     )
@@ -44,12 +56,29 @@ class SimulationSection(_Section):
         default="refuse", description="what happens when dt is above the stability limit"
     )
 
+    @field_validator("dt", mode="after")
+    @classmethod
+    def _step_unless_chosen(cls, value: float | None, info: ValidationInfo) -> float | None:
+        # Where accuracy itself is wrong, it is not among the data, and one message is enough.
+        if value is None and info.data.get("accuracy", 1.0) is None:
+            raise PydanticCustomError("missing", "Field required")
+        return value
+
+    @field_validator("integrator", mode="before")
+    @classmethod
+    def _named(cls, value: object) -> object:
+        if value is None:
+            raise PydanticCustomError("named", "Input should be a valid string")
+        return value
+
     @model_validator(mode="after")
     def _commensurate(self) -> SimulationSection:
         for name, total, part_name, part in (
             ("save_interval", self.save_interval, "dt", self.dt),
             ("duration", self.duration, "save_interval", self.save_interval),
         ):
+            if part is None:
+                continue
             count = whole_multiple(total, part)
             if count is None or (count == 0 and name == "save_interval"):
                 nearest = max(round(total / part), 1)

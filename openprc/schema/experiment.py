@@ -38,6 +38,8 @@ ACTUATOR_TYPES: tuple[ActuatorType, ...] = get_args(ActuatorType)
 ACTUATOR_UNITS: Mapping[str, str] = MappingProxyType(
     {"position": "m", "force": "N", "velocity": "m/s"}
 )
+#: The integrator of an experiment whose `accuracy` chooses one.
+AUTO = "auto"
 #: Relative slack between decimal numbers that are meant to be multiples of each other.
 MULTIPLE_TOLERANCE = 1e-9
 
@@ -176,6 +178,7 @@ class Experiment:
         Frames are at ``i * save_interval`` for i = 0 ... n_frames - 1; the integrator takes
         `steps_per_frame` steps between two of them.
     integrator : str
+        "auto" where `accuracy` chooses it.
     gravity : (x, y, z) [m/s2]
     damping : float
         Node i feels the drag ``-c_i v_i`` with ``c_i = damping * m_i / mean(m)`` [kg/s], the
@@ -186,6 +189,12 @@ class Experiment:
         relative velocity, zeta being the bar's `damping`; it slows rigid rotation, and with
         unequal masses it does not conserve momentum.
     collision : Collision
+    accuracy : float in (0, 1), optional
+        Largest error over the frames that the run may have: the rms error of the positions over
+        the rms displacement. Producers that can do so choose the integrator, unless one is
+        named, and the step for it.
+    dt_stated : bool
+        Whether `dt` is meant; where it is not, `accuracy` chooses it.
     tolerance : float, optional
         Relative error per step of integrators that choose their step; 1e-6 unless given.
     constraint_tolerance : float, optional
@@ -220,6 +229,8 @@ class Experiment:
     damping: float = 0.0
     bar_damping: BarDamping = "axial"
     collision: Collision = field(default_factory=Collision)
+    accuracy: float | None = None
+    dt_stated: bool = True
     tolerance: float | None = None
     constraint_tolerance: float | None = None
     precision: Precision = "float64"
@@ -303,11 +314,13 @@ class Experiment:
             physics["bar_damping"] = self.bar_damping
         simulation: dict[str, Any] = {
             "duration": float(self.duration),
-            "dt": float(self.dt),
             "save_interval": float(self.save_interval),
-            "integrator": self.integrator,
         }
-        for name in ("tolerance", "constraint_tolerance"):
+        if self.dt_stated:
+            simulation["dt"] = float(self.dt)
+        if self.integrator != AUTO:
+            simulation["integrator"] = self.integrator
+        for name in ("accuracy", "tolerance", "constraint_tolerance"):
             if getattr(self, name) is not None:
                 simulation[name] = float(getattr(self, name))
         if self.precision != "float64":

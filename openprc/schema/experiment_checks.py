@@ -13,6 +13,7 @@ import numpy as np
 from openprc.schema.experiment import (
     ACTUATOR_TYPES,
     ACTUATOR_UNITS,
+    AUTO,
     BAR_DAMPINGS,
     INTERPOLATIONS,
     PRECISIONS,
@@ -147,8 +148,30 @@ def check_times(experiment: Experiment, mistakes: Mistakes) -> None:
         value = getattr(experiment, name)
         if value is not None and not (np.isfinite(value) and value > 0):
             mistakes.add(f"simulation.{name}", f"{value}", expected="a number above 0")
+    check_accuracy(experiment, mistakes)
     if experiment.damping < 0:
         mistakes.add("physics.damping", f"{experiment.damping}", expected="0 or more")
+
+
+def check_accuracy(experiment: Experiment, mistakes: Mistakes) -> None:
+    """Check that whatever is left to accuracy has one."""
+    accuracy = experiment.accuracy
+    if accuracy is not None:
+        if not 0.0 < accuracy < 1.0:
+            mistakes.add(
+                "simulation.accuracy",
+                f"{accuracy}",
+                expected="a share of the displacement, above 0 and below 1, such as 1e-4",
+            )
+        return
+    for key, open_, what in (
+        ("simulation.integrator", experiment.integrator == AUTO, f"the integrator {AUTO!r}"),
+        ("simulation.dt", not experiment.dt_stated, "no time step"),
+    ):
+        if open_:
+            mistakes.add(
+                key, what, expected="one, or simulation.accuracy, which chooses it", fix="give one"
+            )
 
 
 def check_actuators(experiment: Experiment, mistakes: Mistakes) -> None:

@@ -27,6 +27,7 @@ from openprc.schema import experiment_legacy
 from openprc.schema.atomic import publish
 from openprc.schema.experiment import (
     ACTUATOR_UNITS,
+    AUTO,
     Actuator,
     Collision,
     Experiment,
@@ -112,9 +113,11 @@ def read_experiment(directory: str | Path) -> Experiment:
             for entry in config.actuators
         ),
         duration=times.duration,
-        dt=times.dt,
+        dt=times.save_interval if times.dt is None else times.dt,
+        dt_stated=times.dt is not None,
         save_interval=times.save_interval,
-        integrator=times.integrator,
+        integrator=times.integrator or ("rk4" if times.accuracy is None else AUTO),
+        accuracy=times.accuracy,
         gravity=physics.gravity_vector(),
         damping=physics.damping,
         collision=Collision(

@@ -15,8 +15,9 @@ from slender_bodies import (
     triples,
 )
 
+from openprc.demlat.planning.mechanisms import mechanisms
 from openprc.demlat.planning.plan import make_plan
-from openprc.demlat.planning.scene_checks import mechanisms, scene_findings
+from openprc.demlat.planning.scene_checks import scene_findings
 from openprc.demlat.planning.stability import is_surely_sound, stable_step, step_limit
 from openprc.demlat.planning.tangent_operators import TangentOperators
 from openprc.demlat.statics import StaticProblem, find_equilibrium, natural_modes

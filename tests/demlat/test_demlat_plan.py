@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from openprc.demlat import BarHingeModel, Engine, SimulationSetup
+from openprc.demlat.planning.mechanisms import mechanisms, pieces
 from openprc.demlat.planning.plan import make_plan
 from openprc.demlat.planning.run_cost import PEFRL_DAMPED, run_cost
-from openprc.demlat.planning.scene_checks import mechanisms, pieces, scene_findings
+from openprc.demlat.planning.scene_checks import scene_findings
 from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, UnsupportedScene
 from openprc.hooks.running import plan_experiment
@@ -134,7 +135,8 @@ def test_motions_as_a_whole_are_counted_piece_by_piece(body):
 
 
 def test_large_bodies_are_not_searched(lattice, monkeypatch):
-    monkeypatch.setattr("openprc.demlat.planning.scene_checks.MOST_COORDINATES", 10)
+    monkeypatch.setattr("openprc.demlat.planning.rigidity.DENSE", 5)
+    monkeypatch.setattr("openprc.demlat.planning.rigidity.MOST_COORDINATES", 10)
     plan = make_plan(lattice(3))
     assert (plan.n_mechanisms, plan.n_rigid_motions) == (None, None)
     assert ("mechanisms", "not checked: too many coordinates") in plan.rows()

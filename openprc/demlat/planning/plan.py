@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from openprc.demlat.integrators import find_integrator
 from openprc.demlat.models.barhinge.support import remarks, supports
+from openprc.demlat.planning.mechanisms import mechanisms
 from openprc.demlat.planning.run_cost import RunCost, run_cost
-from openprc.demlat.planning.scene_checks import mechanisms, scene_findings
+from openprc.demlat.planning.scene_checks import scene_findings
 from openprc.demlat.planning.stability import ACCURATE, Verdict, step_limit
 from openprc.demlat.planning.tangent_operators import free_axes
 from openprc.schema.experiment_checks import check_experiment

@@ -7,14 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.demlat.planning.tangent_operators import (
-    DEGENERATE,
-    free_axes,
-    hinge_flatness,
-    starting_positions,
-)
-from openprc.demlat.statics.bending import bend_turns, have_arms
-from openprc.demlat.statics.element_shapes import bar_directions, hinge_gradients
+from openprc.demlat.planning.mechanisms import pieces
+from openprc.demlat.planning.tangent_operators import hinge_flatness, starting_positions
+from openprc.demlat.statics.element_shapes import bar_directions, hinge_bends
 from openprc.schema.findings import Finding
 from openprc.schema.mistakes import list_some
 
@@ -22,27 +17,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from openprc.schema.experiment import Experiment
-    from openprc.schema.geometry import Bends
 
     Reals = NDArray[np.float64]
 
 #: Altitude of a hinge's triangle per longest edge below which its forces grow out of hand.
 THIN = 1e-3
+#: Angle of a hinge from folded shut [rad] below which it is about to pass through itself.
+SHUT = 1e-3
 #: Length of a bar per median length below which it is probably a mistake.
 SHORT = 1e-3
 #: Distance of nodes per size of the body below which they are at one point.
 COINCIDENT = 1e-9
-#: Sine of a turn below which the arms of a bend lie on one line.
-COLLINEAR = 1e-6
-#: Bodies with more free coordinates are not searched for mechanisms, which takes dense algebra.
-MOST_COORDINATES = 3000
-#: Singular values below this share of the largest count as zero.
-NULL = 1e-6
 
 
 def scene_findings(experiment: Experiment) -> Iterator[Finding]:
     """Yield what is degenerate, loose or without effect, as warnings and hints."""
     yield from thin_hinges(experiment)
+    yield from shut_hinges(experiment)
+    yield from zero_bars(experiment)
     yield from short_bars(experiment)
     yield from coincident_nodes(experiment)
     yield from idle_elements(experiment)
@@ -66,12 +58,48 @@ def thin_hinges(experiment: Experiment) -> Iterator[Finding]:
         )
 
 
+def shut_hinges(experiment: Experiment) -> Iterator[Finding]:
+    """Yield hinges that are nearly folded shut, where their angle jumps by a full turn."""
+    hinges = experiment.geometry.hinges
+    positions = starting_positions(experiment)
+    sound = hinge_flatness(positions, hinges.indices) >= THIN
+    left = np.pi - np.abs(hinge_bends(positions, hinges.indices))
+    shut = np.flatnonzero(sound & (left < SHUT))
+    if len(shut):
+        yield Finding(
+            code="PLAN-SHUT-HINGE",
+            level="warning",
+            path="elements/hinges/indices",
+            found=f"hinge {list_some(shut)} is {left[shut].min():.2g} rad from folded shut",
+            expected=f"at least {SHUT:g} rad: past 0 or 2 pi the angle jumps by a full turn, and"
+            " its moment with it",
+            fix="open it a little, or take the law 'enhanced-linear', whose moment keeps it open",
+        )
+
+
+def zero_bars(experiment: Experiment) -> Iterator[Finding]:
+    """Yield bars without a length, which have no direction to push or pull along."""
+    bars = experiment.geometry.bars
+    lengths, _ = bar_directions(starting_positions(experiment), bars.indices)
+    zero = np.flatnonzero(lengths == 0.0)
+    if len(zero):
+        yield Finding(
+            code="PLAN-ZERO-BAR",
+            level="warning",
+            path="elements/bars/indices",
+            found=f"bar {list_some(zero)} joins two nodes at one point",
+            expected="a bar with a direction at t = 0: this one exerts no force until its nodes"
+            " come apart",
+            fix="merge its nodes, or move one of them",
+        )
+
+
 def short_bars(experiment: Experiment) -> Iterator[Finding]:
     """Yield bars that are much shorter than the others."""
     bars = experiment.geometry.bars
     lengths, _ = bar_directions(starting_positions(experiment), bars.indices)
     typical = float(np.median(lengths)) if len(lengths) else 0.0
-    short = np.flatnonzero(lengths < SHORT * typical)
+    short = np.flatnonzero((lengths < SHORT * typical) & (lengths > 0.0))
     if len(short):
         yield Finding(
             code="PLAN-SHORT-BAR",
@@ -127,25 +155,7 @@ def idle_elements(experiment: Experiment) -> Iterator[Finding]:
             )
 
 
-# --- pieces --------------------------------------------------------------------------------------
-
-
-def pieces(experiment: Experiment) -> NDArray[np.int32]:
-    """Return the number of the connected piece of each node: (N,)."""
-    from scipy import sparse
-
-    geometry, n = experiment.geometry, experiment.geometry.n_nodes
-    hinges, bends = geometry.hinges.indices, geometry.bends.indices
-    pairs = np.concatenate(
-        [
-            geometry.bars.indices,
-            *(hinges[:, [0, column]] for column in range(1, 4)),
-            *(bends[:, [1, column]] for column in (0, 2)),
-        ]
-    )
-    graph = sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    labels: NDArray[np.int32] = sparse.csgraph.connected_components(graph, directed=False)[1]
-    return labels
+# --- pieces ---------------------------------------------------------------------------------------
 
 
 def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
@@ -183,94 +193,3 @@ def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
             + (": gravity carries them away" if falls else ""),
             fix="fix or drive some of their nodes, unless they are meant to float",
         )
-
-
-# --- mechanisms ----------------------------------------------------------------------------------
-
-
-def mechanisms(experiment: Experiment) -> tuple[int, int] | None:
-    """Count motions that strain no element, to first order.
-
-    The null space of the rigidity matrix over free coordinates, whose rows are the gradients of
-    lengths and angles of elements with stiffness (Pellegrino & Calladine 1986,
-    doi:10.1016/0020-7683(86)90014-4).
-
-    Returns
-    -------
-    (inner, rigid) or None
-        Independent mechanisms, and motions of pieces as a whole; None for bodies with more than
-        `MOST_COORDINATES` free coordinates.
-    """
-    free = free_axes(experiment)
-    n_free = int(free.sum())
-    if n_free > MOST_COORDINATES:
-        return None
-    place = np.full(free.shape, -1)
-    place[free] = np.arange(n_free)
-    gram = np.zeros((n_free, n_free))
-    for indices, rows in _gradients(experiment):
-        shape = (len(indices), 3 * indices.shape[1])
-        at = place[indices].reshape(shape)
-        values = np.where(at >= 0, rows.reshape(shape), 0.0)
-        np.add.at(gram, (at[:, :, None], at[:, None, :]), values[:, :, None] * values[:, None, :])
-    rigid = _rigid_motions(experiment, free)
-    null = n_free
-    if gram.any():
-        values = np.linalg.eigvalsh(gram)
-        null = int((values < NULL**2 * values[-1]).sum())
-    return null - rigid, rigid
-
-
-def _gradients(experiment: Experiment) -> Iterator[tuple[NDArray[np.int32], Reals]]:
-    """Yield indices (E, k) and gradients (E, k, 3) of norm 1 of elements with stiffness."""
-    geometry, x = experiment.geometry, starting_positions(experiment)
-    bars, hinges = geometry.bars, geometry.hinges
-    stiff = bars.rigid | (bars.stiffness > 0) | (bars.stiffness_cubic > 0)
-    unit = bar_directions(x, bars.indices[stiff])[1] / np.sqrt(2.0)
-    yield bars.indices[stiff], np.stack([-unit, unit], axis=1)
-    stiff = hinges.rigid | (hinges.stiffness > 0)
-    stiff &= hinge_flatness(x, hinges.indices) > DEGENERATE
-    gradients = hinge_gradients(x, hinges.indices[stiff])
-    norms = np.sqrt(np.sum(gradients**2, axis=(1, 2), keepdims=True))
-    yield hinges.indices[stiff], gradients / norms
-    yield from _bend_gradients(geometry.bends, x)
-
-
-def _bend_gradients(bends: Bends, x: Reals) -> Iterator[tuple[NDArray[np.int32], Reals]]:
-    """Yield those of stiff bends; a straight one resists both sideways motions of its ends."""
-    indices = bends.indices[(bends.stiffness > 0) & have_arms(x, bends.indices)]
-    turns = bend_turns(x, indices)
-    u, v = x[indices[:, 0]] - x[indices[:, 1]], x[indices[:, 2]] - x[indices[:, 1]]
-    uu, vv = np.sum(u * u, axis=1, keepdims=True), np.sum(v * v, axis=1, keepdims=True)
-    # Any axis across the first arm will do where the arms lie on one line.
-    axis = np.cross(u, v)
-    sharp = np.sin(turns) > COLLINEAR
-    least = np.eye(3)[np.abs(u).argmin(axis=1)]
-    axis = np.where(sharp[:, np.newaxis], axis, np.cross(u, least))
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    for chosen in (np.ones(len(indices), dtype=bool), ~sharp):
-        first, last = np.cross(axis, u) / uu, np.cross(v, axis) / vv
-        rows = np.stack([first, -first - last, last], axis=1)[chosen]
-        yield indices[chosen], rows / np.sqrt(np.sum(rows**2, axis=(1, 2), keepdims=True))
-        axis = np.cross(u, axis) / np.sqrt(uu)
-
-
-def _rigid_motions(experiment: Experiment, free: NDArray[np.bool_]) -> int:
-    x, labels = starting_positions(experiment), pieces(experiment)
-    axes = 2 if experiment.planar else 3
-    size = float(np.ptp(x, axis=0).max()) or 1.0
-    count = 0
-    for piece in range(int(labels.max()) + 1):
-        nodes = labels == piece
-        arms = (x[nodes] - x[nodes].mean(axis=0)) / size
-        turns = np.cross(np.eye(3)[:, None, :], arms[None, :, :])
-        shifts = np.broadcast_to(np.eye(3)[:, None, :], turns.shape)
-        motions = np.concatenate([shifts[:axes], turns[2:] if axes == 2 else turns])[..., :axes]
-        held = ~free[nodes][:, :axes]
-        all_axes = motions.reshape(len(motions), -1)
-        count += _rank(all_axes) - _rank(all_axes[:, held.ravel()])
-    return count
-
-
-def _rank(matrix: Reals) -> int:
-    return int(np.linalg.matrix_rank(matrix, tol=NULL)) if matrix.size else 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from openprc.hooks.protocols import Modelled
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc_merlin.path_findings import path_findings, without_effect
 
@@ -33,6 +34,16 @@ class PathRunner:
     def supports(self, experiment: Experiment) -> Sequence[Finding]:
         """Return what statics cannot model in `experiment`; empty means all of it."""
         return list(path_findings(experiment))
+
+    def models(self, experiment: Experiment) -> Modelled:
+        """Return what statics leaves out; it adds nothing."""
+        return Modelled(
+            leaves_out=(
+                "inertia: masses only weigh",
+                "time: frames are equilibria, one an increment",
+                *dict.fromkeys(without_effect(experiment).values()),
+            )
+        )
 
     def run(
         self,

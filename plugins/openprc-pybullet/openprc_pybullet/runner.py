@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.errors import Diverged
+from openprc.hooks.protocols import Modelled
 from openprc_pybullet.client import direct_client
 from openprc_pybullet.runner_scope import as_leapfrog, refusals, scene_remarks
 
@@ -32,6 +33,11 @@ class Runner:
     def supports(self, experiment: Experiment) -> Sequence[Finding]:
         """Return what cannot be modelled in `experiment`; empty means all of it."""
         return list(refusals(experiment))
+
+    def models(self, experiment: Experiment) -> Modelled:
+        """Return nothing: its point masses feel OpenPRC's forces, all of them and no others."""
+        del experiment
+        return Modelled()
 
     def run(
         self,

@@ -11,7 +11,7 @@ from openprc_pyelastica.importer import Importer
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from openprc.hooks.protocols import Progress
+    from openprc.hooks.protocols import Modelled, Progress
     from openprc.schema import Experiment, Finding, TrajectoryWriter
     from openprc_pyelastica.recorder import Session
 
@@ -46,6 +46,12 @@ class Producer(Importer):
         from openprc_pyelastica.runner_scope import findings  # noqa: PLC0415
 
         return list(findings(experiment))
+
+    def models(self, experiment: Experiment) -> Modelled:
+        """Return what a rod has and a chain of bars has not."""
+        from openprc_pyelastica.model_differences import modelled  # noqa: PLC0415
+
+        return modelled(experiment)
 
     def run(
         self,
