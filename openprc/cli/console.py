@@ -37,7 +37,12 @@ def console() -> Console:
 
 def print_json(data: Any) -> None:
     """Print plain values as JSON; NaN and infinity become null."""
-    click.echo(json.dumps(_finite(data), indent=2))
+    click.echo(json_text(data))
+
+
+def json_text(data: Any) -> str:
+    """Return plain values as JSON; NaN and infinity become null."""
+    return json.dumps(_finite(data), indent=2)
 
 
 def _finite(value: Any) -> Any:

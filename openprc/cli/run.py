@@ -27,6 +27,12 @@ from openprc.hooks.running import plan_experiment, run_experiment
     "--out", type=click.Path(path_type=Path), help="Default: FOLDER/output/simulation.h5."
 )
 @click.option("--integrator", help="Instead of the one in config.json.")
+@click.option(
+    "--accuracy",
+    type=float,
+    help="Choose integrator and step for this error, relative to the displacement.",
+)
+@click.option("--verify", is_flag=True, help="Estimate the error of the run and note it.")
 @pairs_option("producer")
 @click.option("--seed", type=int, help="For producers that draw random numbers.")
 @click.option("--plan", "only_plan", is_flag=True, help="Say what a run would do; run nothing.")
@@ -37,6 +43,8 @@ def command(
     producer: str,
     out: Path | None,
     integrator: str | None,
+    accuracy: float | None,
+    verify: bool,
     options: tuple[str, ...],
     seed: int | None,
     only_plan: bool,
@@ -45,7 +53,7 @@ def command(
 ) -> None:
     """Simulate the experiment in FOLDER (input/geometry.h5, signals.h5, config.json)."""
     if only_plan:
-        show_plan(folder, producer, integrator=integrator, as_json=as_json)
+        show_plan(folder, producer, integrator=integrator, accuracy=accuracy, as_json=as_json)
         return
     with progress_bar(f"running {folder.name}", hidden=as_json) as progress:
         run = run_experiment(
@@ -53,6 +61,8 @@ def command(
             out,
             producer=producer,
             integrator=integrator,
+            accuracy=accuracy,
+            verify=verify,
             options=parse_pairs(options),
             seed=seed,
             overwrite=force,
@@ -64,9 +74,16 @@ def command(
         show_run(run)
 
 
-def show_plan(folder: Path, producer: str, *, integrator: str | None, as_json: bool) -> None:
+def show_plan(
+    folder: Path,
+    producer: str,
+    *,
+    integrator: str | None,
+    accuracy: float | None,
+    as_json: bool,
+) -> None:
     """Print what a run would do and cost, and what is odd about the scene."""
-    plan = plan_experiment(folder, producer=producer, integrator=integrator)
+    plan = plan_experiment(folder, producer=producer, integrator=integrator, accuracy=accuracy)
     if as_json:
         print_json(plan.as_dict())
         return

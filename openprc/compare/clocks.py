@@ -79,9 +79,7 @@ def clock_pair(
                 file=other.path,
                 key=f"{TIME}@kind",
             )
-        return (
-            _in_time(reference, other) if kinds[0] == "physical" else _by_steps(reference, other)
-        )
+        return _in_time(reference, other) if kinds[0] == "physical" else _by_steps(reference, other)
     if word in ("time", "step"):
         wanted = "physical" if word == "time" else "pseudo"
         for trajectory in (reference, other):
@@ -120,9 +118,7 @@ def _by_steps(reference: Trajectory, other: Trajectory) -> ClockPair:
     names = [name for name in reference.inputs if name in other.inputs]
     if len(names) != 1 or len(reference.input(names[0]).columns) != 1:
         return plain
-    first, second = _recorded(reference, ("input", names[0])), _recorded(
-        other, ("input", names[0])
-    )
+    first, second = _recorded(reference, ("input", names[0])), _recorded(other, ("input", names[0]))
     shared, i, j = np.intersect1d(plain.reference, plain.other, return_indices=True)
     both = _in_unit(first[0], second, other)
     span = float(np.ptp(first[0][0])) or 1.0

@@ -9,13 +9,16 @@ from typing import Any
 import numba
 import numpy as np
 
-#: Sums of a frame may be taken in any order, which lets them be vectorised. NaN stays NaN.
-LOOSE = frozenset({"reassoc", "contract", "nsz"})
 
+def kernel(function: Callable[..., Any], *, loose: bool = False) -> Callable[..., Any]:
+    """Compile, and keep the compiled code on disk where there is a folder for it.
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile, and keep the compiled code on disk where there is a folder for it."""
-    options = {"nogil": True, "error_model": "numpy", "fastmath": set(LOOSE)}
+    In `loose` functions sums may be taken in any order, which lets them be vectorised. They
+    must not ask whether a number is finite: such a question would be answered beforehand.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    if loose:
+        options["fastmath"] = {"reassoc", "contract", "nsz"}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:
@@ -23,7 +26,12 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(**options)(function)
 
 
-@kernel
+def loose_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile with sums in any order."""
+    return kernel(function, loose=True)
+
+
+@loose_kernel
 def _squares(x, y, origin, squares):
     """Fill in squared deviations (C,); return their sum, and that of squared displacements."""
     total, moved = 0.0, 0.0

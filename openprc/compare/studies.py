@@ -43,7 +43,8 @@ class Choices:
     ----------
     alignment : AlignmentSettings, optional
     reference : str, optional
-        Name of the run to compare with; by default the known motion of the scene, or the first.
+        Name of the run to compare with; by default the closed form of the scene, or the first.
+        "converged" integrates the scene to rounding, which may take long.
     tasks : bool
         Score every run on the standard tasks.
     twins : bool or None
@@ -131,8 +132,7 @@ def compare_producers(
 
     choices = choices or Choices()
     folder = Path(folder)
-    known = scene is not None and scene.reference.exact is not None
-    _check_reference(choices.reference, requests, scene if known else None)
+    _check_reference(choices.reference, requests, scene)
     runs = run_producers(
         experiment, requests, folder, overwrite=overwrite,
         progress=_part(progress, 0.0, 0.6), registry=registry,
@@ -146,7 +146,7 @@ def compare_producers(
             key="--producers",
         )
     runs, files, notes = _comparable(runs, experiment, folder, overwrite=overwrite)
-    if known and scene is not None:
+    if scene is not None and _starts_from_known(scene, choices.reference):
         exact = write_exact(scene, folder / f"{reference_name(scene)}.h5", overwrite=overwrite)
         files = {reference_name(scene): exact, **files}
     files = reference_first(files, choices.reference)
@@ -181,10 +181,17 @@ def compare_producers(
     )
 
 
+def _starts_from_known(scene: Scene, wanted: str | None) -> bool:
+    """Whether the known motion takes part: a formula does, an integration only when asked."""
+    if scene.reference.exact is None:
+        return False
+    return scene.reference.kind == "closed form" or wanted == reference_name(scene)
+
+
 def _check_reference(wanted: str | None, requests: Sequence[Request], scene: Scene | None) -> None:
     """Refuse an unknown reference before anything runs."""
     names = [request.name for request in requests]
-    if scene is not None:
+    if scene is not None and scene.reference.exact is not None:
         names = [reference_name(scene), *names]
     if wanted is not None and wanted not in names:
         raise ConfigError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from openprc.demlat.models.barhinge.model import BACKENDS, Backend, BarHingeMode
 from openprc.demlat.producer import DemlatProducer
 from openprc.demlat.simulation import Simulation
 from openprc.errors import ConfigError, OpenPRCError
-from openprc.hooks.running import silent, simulate
+from openprc.hooks.running import settings_of, silent, simulate, with_requests
 from openprc.schema.provenance import Provenance, typed_command
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ class Engine:
         simulation: Simulation | str | Path,
         *,
         integrator: str | None = None,
+        accuracy: float | None = None,
+        verify: bool = False,
         overwrite: bool | None = None,
         progress: Progress | None = None,
     ) -> RunResult:
@@ -81,6 +83,11 @@ class Engine:
         integrator : str, optional
             Instead of the one in config.json, in which older folders name none; "legacy"
             repeats the stepping of openprc up to 0.1.1.
+        accuracy : float in (0, 1), optional
+            Choose the step for this error, and the integrator unless `integrator` names one;
+            see `openprc.demlat.planning.accuracy`.
+        verify : bool
+            Estimate the error of the run, and note it.
         overwrite : bool, optional
             Replace a finished result. By default as ``export.overwrite`` in config.json says,
             which a `SimulationSetup` made with ``overwrite=True`` sets.
@@ -100,17 +107,16 @@ class Engine:
         began = time.perf_counter()
         if not isinstance(simulation, Simulation):
             simulation = Simulation(simulation)
-        experiment = simulation.experiment
-        if integrator is not None:
-            experiment = replace(experiment, integrator=integrator)
+        asked = with_requests(simulation.experiment, integrator=integrator, accuracy=accuracy)
         producer = DemlatProducer(model=self.model, backend=self.backend)
+        experiment = producer.settled(asked, verify=verify)
         provenance = Provenance(
             "demlat",
             producer_version=__version__,
             plugin_version=__version__,
             command=typed_command(),
             deterministic=_repeats_bits(experiment, self.backend),
-            config=experiment.settings(),
+            config=settings_of(experiment, asked),
         )
         notes, _ = simulate(
             experiment,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from openprc.demlat.backends.choose import choose_backend
 from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
 from openprc.demlat.planning.model_differences import modelled
 from openprc.demlat.signal_table import sample_signal
@@ -46,8 +48,48 @@ class DemlatProducer:
         self.backend = backend
 
     def supports(self, experiment: Experiment) -> Sequence[Finding]:
-        """Return what the engine cannot model in `experiment`; empty means all of it."""
+        """Return what the engine cannot model in `experiment`; empty means all of it.
+
+        Where integrator or step are left to an accuracy, those that can be found do not count.
+        """
+        if experiment.accuracy is not None:
+            from openprc.demlat.planning.accuracy_schemes import representative  # noqa: PLC0415
+
+            return representative(experiment)[1]
         return self.model.supports(experiment)
+
+    def settled(self, experiment: Experiment, *, verify: bool = False) -> Experiment:
+        """Return `experiment` with integrator and step for its accuracy.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Without an accuracy, and unless `verify`, it is returned as it is.
+        verify : bool
+            Estimate the error of the run by repeating a stretch of it more finely.
+
+        Raises
+        ------
+        ConfigError
+            When the accuracy is out of reach.
+        UnsupportedScene
+            When the engine cannot model the scene.
+        """
+        if experiment.accuracy is None and not verify:
+            return experiment
+        # A pilot is compiled code; most experiments state their step.
+        from openprc.demlat.planning.accuracy import settled  # noqa: PLC0415
+        from openprc.demlat.planning.accuracy_check import verified  # noqa: PLC0415
+
+        experiment = settled(experiment, only=self._only(experiment))
+        return verified(experiment) if verify else experiment
+
+    def _only(self, experiment: Experiment) -> tuple[str, ...]:
+        """Return what a back end that was asked for limits the choice to."""
+        if self.backend not in ("cuda", "jax"):
+            return ()
+        trial = replace(experiment, integrator="rk4", accuracy=None, dt_stated=True)
+        return ("rk4",) if choose_backend(trial, self.backend).name != "cpu" else ()
 
     def models(self, experiment: Experiment) -> Modelled:
         """Return what the scheme does to the motion that the scene does not ask for."""
@@ -58,7 +100,7 @@ class DemlatProducer:
         # Checks that only a plan makes load scipy.
         from openprc.demlat.planning.plan import make_plan  # noqa: PLC0415
 
-        return make_plan(experiment)
+        return make_plan(experiment, only=self._only(experiment) if experiment.accuracy else ())
 
     def run(
         self,
@@ -80,6 +122,7 @@ class DemlatProducer:
             When the integration blows up; the frames before that are appended.
         """
         del seed
+        experiment = self.settled(experiment)
         refuse_unsupported(self.supports(experiment), producer="demlat")
         model = self.model(experiment, backend=self.backend)
         for remark in model.remarks():
@@ -93,6 +136,8 @@ class DemlatProducer:
             done = first + len(block.x)
             time = (done - 1) * experiment.save_interval
             progress(done / n_frames, f"t = {time:g} s of {experiment.duration:g} s")
+        for remark in model.closing_remarks():
+            writer.note(remark)
         if effort := model.effort:
             writer.note(
                 f"{experiment.integrator} took {effort['steps']} steps and rejected"

@@ -14,6 +14,8 @@ from openprc.demlat.geometry_builder import GeometryBuilder, number
 from openprc.demlat.planning.step_choice import with_chosen_step
 from openprc.errors import ConfigError, ResultExists
 from openprc.schema.experiment import (
+    AUTO,
+    DEFAULT_INTEGRATOR,
     Actuator,
     ActuatorType,
     BarDamping,
@@ -174,9 +176,10 @@ class SimulationSetup(GeometryBuilder):
         self,
         *,
         duration: float,
-        dt: float | Literal["auto"],
+        dt: float | Literal["auto"] | None = None,
         save_interval: float,
-        integrator: str = "rk4",
+        integrator: str | None = None,
+        accuracy: float | None = None,
         tolerance: float | None = None,
         constraint_tolerance: float | None = None,
         precision: Precision = "float64",
@@ -189,12 +192,17 @@ class SimulationSetup(GeometryBuilder):
         duration : float [s]
             A multiple of `save_interval`.
         dt : float [s] or "auto"
-            Time step; `save_interval` is a multiple of it. "auto" is the largest one that is
-            not above `StepLimit.recommended` of `openprc.demlat.planning.stability`; it is
-            chosen when the experiment is made or saved, and said in its `notes`.
+            Time step, of which `save_interval` is a multiple; only an `accuracy` can do without.
+            "auto" is the largest one that is not above `StepLimit.recommended` of
+            `openprc.demlat.planning.stability`; it is chosen when the experiment is made or
+            saved, and said in its `notes`.
         save_interval : float [s]
         integrator : str
-            A name from `openprc.demlat.integrators.INTEGRATORS`.
+            A name from `openprc.demlat.integrators.INTEGRATORS`; "rk4" by default, and with an
+            `accuracy` what a pilot finds the cheapest.
+        accuracy : float in (0, 1), optional
+            Largest rms error of the positions over their rms displacement that the run may have:
+            a run chooses integrator and step for it, and notes which and why.
         tolerance : float, optional
             Relative error per step of integrators that choose their step.
         constraint_tolerance : float, optional
@@ -203,11 +211,18 @@ class SimulationSetup(GeometryBuilder):
         step_check : {"refuse", "warn"}
             What happens when `dt` is above the stability limit.
         """
+        if dt is None and accuracy is None:
+            raise ConfigError(
+                "no dt", expected="a time step in s, 'auto', or an accuracy", key="dt"
+            )
+        if isinstance(dt, str) and dt != "auto":
+            raise ConfigError(f"dt = {dt!r}", expected="a time in s, or 'auto'", key="dt")
         self._times = {
             "duration": number(duration, "duration"),
-            "dt": dt if isinstance(dt, str) else number(dt, "dt"),
+            "dt": dt if dt is None or isinstance(dt, str) else number(dt, "dt"),
             "save_interval": number(save_interval, "save_interval"),
-            "integrator": integrator,
+            "integrator": integrator or (DEFAULT_INTEGRATOR if accuracy is None else AUTO),
+            "accuracy": None if accuracy is None else number(accuracy, "accuracy"),
             "tolerance": None if tolerance is None else number(tolerance, "tolerance"),
             "constraint_tolerance": None
             if constraint_tolerance is None
@@ -215,8 +230,6 @@ class SimulationSetup(GeometryBuilder):
             "precision": precision,
             "step_check": step_check,
         }
-        if isinstance(dt, str) and dt != "auto":
-            raise ConfigError(f"dt = {dt!r}", expected="a time in s, or 'auto'", key="dt")
 
     def set_physics(
         self,
@@ -310,7 +323,8 @@ class SimulationSetup(GeometryBuilder):
                 fix="call set_simulation_params()",
                 file=self.directory,
             )
-        chosen = self._times["dt"] == "auto"
+        stated = isinstance(self._times["dt"], float)
+        chosen = not stated and self._times["accuracy"] is None
         experiment = Experiment(
             geometry=self.geometry(),
             signals=self._signals,
@@ -318,7 +332,9 @@ class SimulationSetup(GeometryBuilder):
             stored=self._stored,
             overwrite=self.overwrite,
             path=self.directory,
-            **self._times | ({"dt": self._times["save_interval"]} if chosen else {}),
+            **self._times
+            | ({} if stated else {"dt": self._times["save_interval"]})
+            | {"dt_stated": stated or chosen},
             **self._physics,
         )
         return with_chosen_step(experiment) if chosen else experiment
@@ -357,10 +373,12 @@ class SimulationSetup(GeometryBuilder):
         self._times = {
             name: getattr(experiment, name)
             for name in (
-                *("duration", "dt", "save_interval", "integrator"),
+                *("duration", "dt", "save_interval", "integrator", "accuracy"),
                 *("tolerance", "constraint_tolerance", "precision", "step_check"),
             )
         }
+        if not experiment.dt_stated:
+            self._times["dt"] = None
         self._physics = {
             name: getattr(experiment, name)
             for name in ("gravity", "damping", "collision", "bar_damping")

@@ -117,6 +117,11 @@ def openprc_readouts() -> list[ReadoutSpec]:
     return [
         ReadoutSpec("ridge", "Ridge regression", "openprc.reservoir.readout.ridge:Ridge"),
         ReadoutSpec(
+            "least-squares",
+            "Least squares by QR, for states whose useful directions are tiny",
+            "openprc.reservoir.readout.least_squares:LeastSquares",
+        ),
+        ReadoutSpec(
             "temporal-ridge",
             "Ridge regression whose penalty is chosen on folds of time",
             "openprc.reservoir.readout.temporal_ridge:TemporalRidgeCV",

@@ -97,6 +97,18 @@ class Planner(Protocol):
         ...
 
 
+@runtime_checkable
+class Settler(Protocol):
+    """A `Runner` that chooses integrator and step for an accuracy; optional."""
+
+    def settled(self, experiment: Experiment, *, verify: bool = False) -> Experiment:
+        """Return the experiment with everything chosen and its accuracy gone; notes say why.
+
+        With `verify` they also say how large the error of the run is, by an estimate of its own.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class Modelled:
     """How a producer's model of an experiment differs from what the experiment says.

@@ -12,9 +12,10 @@ from openprc.errors import UnsupportedScene
 from openprc.hooks.faults import owned_by
 from openprc.hooks.importing import ProducedRun, describe_run, provenance_of, refuse_invalid
 from openprc.hooks.options import check_options
-from openprc.hooks.protocols import Planner, Progress, Runner, RunPlan
+from openprc.hooks.protocols import Planner, Progress, Runner, RunPlan, Settler
 from openprc.hooks.registry import Registry, default_registry
-from openprc.schema.experiment import load_experiment
+from openprc.schema.experiment import AUTO, DEFAULT_INTEGRATOR, load_experiment
+from openprc.schema.experiment_checks import check_experiment
 from openprc.schema.findings import Finding
 from openprc.schema.provenance import Provenance
 from openprc.schema.writer import TrajectoryWriter
@@ -33,6 +34,8 @@ def run_experiment(
     *,
     producer: str = "demlat",
     integrator: str | None = None,
+    accuracy: float | None = None,
+    verify: bool = False,
     options: Mapping[str, Any] | None = None,
     seed: int | None = None,
     overwrite: bool = False,
@@ -51,6 +54,11 @@ def run_experiment(
         Who simulates.
     integrator : str, optional
         Instead of the one in config.json, in which older folders name none.
+    accuracy : float in (0, 1), optional
+        Choose the step for this error, and the integrator unless `integrator` names one,
+        instead of what config.json says; see `Experiment.accuracy`.
+    verify : bool
+        Estimate the error of the run, and note it.
     options : mapping, optional
         Options of that producer (`ProducerSpec.run_options`).
     seed : int, optional
@@ -75,7 +83,9 @@ def run_experiment(
     item = registry.producer(producer)
     values = check_options(item.spec, item.spec.run_options, options or {})
     runner = registry.load(item, capability="run")
-    experiment = _loaded(folder, integrator)
+    asked = with_requests(load_experiment(folder), integrator=integrator, accuracy=accuracy)
+    with owned_by(item.qualified_name, "choosing its step", file=str(folder)):
+        experiment = settle(asked, runner, producer=producer, verify=verify)
     home = experiment.path or folder  # `folder` may be the input folder itself
     target = Path(out) if out is not None else home / "output" / "simulation.h5"
     provenance = provenance_of(
@@ -83,7 +93,7 @@ def run_experiment(
         seed=seed,
         # Of strangers' producers nobody here can promise it.
         deterministic=True if item.distribution == "openprc" else None,
-        config={**experiment.settings(), **({"options": values} if values else {})},
+        config={**settings_of(experiment, asked), **({"options": values} if values else {})},
     )
     notes, findings = simulate(
         experiment,
@@ -108,6 +118,7 @@ def plan_experiment(
     *,
     producer: str = "demlat",
     integrator: str | None = None,
+    accuracy: float | None = None,
     registry: Registry | None = None,
 ) -> RunPlan:
     """Return what a run of the experiment in `folder` would do; nothing is run or written.
@@ -130,14 +141,76 @@ def plan_experiment(
             expected="a producer with a method plan(experiment)",
             fix="run it, or plan with --producer demlat",
         )
-    experiment = _loaded(folder, integrator)
+    experiment = with_requests(load_experiment(folder), integrator=integrator, accuracy=accuracy)
     with owned_by(item.qualified_name, "planning", file=str(folder)):
         return runner.plan(experiment)
 
 
-def _loaded(folder: str | Path, integrator: str | None) -> Experiment:
-    experiment = load_experiment(folder)
-    return experiment if integrator is None else replace(experiment, integrator=integrator)
+def with_requests(
+    experiment: Experiment, *, integrator: str | None, accuracy: float | None
+) -> Experiment:
+    """Return the experiment with what is asked for instead of what config.json says.
+
+    Raises
+    ------
+    ConfigError
+        When the accuracy is none, or nothing chooses what is left open.
+    """
+    if accuracy is not None:
+        # What config.json says beside an accuracy of its own was meant with it.
+        named = experiment.integrator if experiment.accuracy is not None else AUTO
+        experiment = replace(experiment, accuracy=accuracy, integrator=named)
+    if integrator is not None:
+        experiment = replace(experiment, integrator=integrator)
+    check_experiment(experiment)
+    return experiment
+
+
+def settle(
+    experiment: Experiment, runner: Runner, *, producer: str, verify: bool = False
+) -> Experiment:
+    """Return the experiment with nothing left to an accuracy, before it is run.
+
+    Producers that do not choose run with the step that was stated, and the notes say so.
+
+    Raises
+    ------
+    UnsupportedScene
+        When the producer cannot choose and there is no step, or it cannot estimate errors.
+    """
+    if isinstance(runner, Settler):
+        return runner.settled(experiment, verify=verify)
+    if verify:
+        raise UnsupportedScene(
+            f"the producer {producer!r} does not estimate the error of a run",
+            expected="a producer that does, such as demlat",
+            fix="leave --verify out, or compare runs with two time steps",
+        )
+    accuracy = experiment.accuracy
+    if accuracy is None:
+        return experiment
+    if not experiment.dt_stated:
+        raise UnsupportedScene(
+            f"an accuracy of {accuracy:g} and no time step: {producer} does not choose one",
+            expected="simulation.dt in config.json",
+            fix="state a dt, or run it with --producer demlat, which chooses it",
+            file=experiment.path,
+            key="simulation.accuracy",
+        )
+    note = (
+        f"the accuracy of {accuracy:g} is not {producer}'s to choose a step for: it ran with the"
+        f" dt that was stated, {experiment.dt:g} s"
+    )
+    named = DEFAULT_INTEGRATOR if experiment.integrator == AUTO else experiment.integrator
+    return replace(experiment, accuracy=None, integrator=named, notes=(*experiment.notes, note))
+
+
+def settings_of(experiment: Experiment, asked: Experiment) -> dict[str, Any]:
+    """Return the settings of a run as its provenance keeps them, with the accuracy asked for."""
+    settings = experiment.settings()
+    if asked.accuracy is not None:
+        settings["asked"] = {"accuracy": asked.accuracy}
+    return settings
 
 
 def simulate(

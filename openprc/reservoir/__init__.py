@@ -24,6 +24,7 @@ _LAZY = {
     "force_train": "openprc.reservoir.training.force",
     "HingeAngles": "openprc.reservoir.features.element_features",
     "Inputs": "openprc.reservoir.features.input_features",
+    "LeastSquares": "openprc.reservoir.readout.least_squares",
     "NodeDisplacements": "openprc.reservoir.features.node_features",
     "NodePositions": "openprc.reservoir.features.node_features",
     "NodeVelocities": "openprc.reservoir.features.node_features",

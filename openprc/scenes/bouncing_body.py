@@ -15,8 +15,8 @@ from openprc.schema.experiment import Collision, Experiment
 from openprc.schema.geometry import Geometry
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 RADIUS, MASS, FLOOR = 0.02, 0.05, 1.0  # m, kg, m (from the centre of the floor to its corners)
 LABELS = ("floor0", "floor1", "floor2", "ball")

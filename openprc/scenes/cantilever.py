@@ -45,9 +45,7 @@ def build(*, n: int, force: float, duration: float) -> Scene:
         4.0 / link**2 * math.sqrt(RIGIDITY / (DENSITY * AREA)),
     )
     steps = math.ceil(INTERVAL * fastest / 0.35)
-    deflection = cantilever_deflection(
-        force=force, length=LENGTH, rigidity=RIGIDITY, segments=n
-    )
+    deflection = cantilever_deflection(force=force, length=LENGTH, rigidity=RIGIDITY, segments=n)
     slope = 1.5 * deflection / LENGTH
 
     def tip(run: Trajectory) -> float:

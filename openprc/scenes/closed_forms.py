@@ -50,7 +50,7 @@ def pendulum_angle(times: Reals, *, start: float, rate: float) -> Reals:
     ``sin(angle / 2) = k cd(rate t, k)`` with ``k = sin(start / 2)`` and ``rate = sqrt(g / L)``
     (NIST Digital Library of Mathematical Functions, 22.19.2, https://dlmf.nist.gov/22.19).
     """
-    from scipy.special import ellipj  # noqa: PLC0415 - only large swings need it
+    from scipy.special import ellipj
 
     modulus = math.sin(start / 2.0)
     _, cn, dn, _ = ellipj(rate * times, modulus**2)
@@ -60,7 +60,7 @@ def pendulum_angle(times: Reals, *, start: float, rate: float) -> Reals:
 
 def pendulum_period(*, start: float, rate: float) -> float:
     """Return the period ``4 K(sin(start / 2)) / rate`` of a pendulum [s]."""
-    from scipy.special import ellipk  # noqa: PLC0415 - as above
+    from scipy.special import ellipk
 
     return float(4.0 * ellipk(math.sin(start / 2.0) ** 2) / rate)
 
@@ -137,7 +137,7 @@ def swinging_links(times: Reals, *, n: int, link: float, start: float) -> Reals:
     start : float [rad]
         Angle of all links at t = 0, at rest.
     """
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 - only the reference needs it
+    from scipy.integrate import solve_ivp
 
     number = np.arange(n)
     carried = n - np.maximum.outer(number, number).astype(float)

@@ -58,10 +58,8 @@ def converged_motion(
     return motion
 
 
-def _integrate(
-    experiment: Experiment, field: ForceField, times: Reals, tolerance: float
-) -> Reals:
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 - as above
+def _integrate(experiment: Experiment, field: ForceField, times: Reals, tolerance: float) -> Reals:
+    from scipy.integrate import solve_ivp
 
     geometry = experiment.geometry
     n = geometry.n_nodes

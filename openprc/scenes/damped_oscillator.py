@@ -13,8 +13,8 @@ from openprc.scenes.probes import at_time, deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 
 def build(*, frequency: float, amplitude: float, periods: int, ratio: float, where: str) -> Scene:

@@ -15,8 +15,8 @@ from openprc.schema.experiment import Experiment
 from openprc.schema.geometry import Bars, Geometry
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 LENGTH, MASS = 1.0, 1.0  # m, kg, of the whole chain
 FRAMES = 40
@@ -52,7 +52,7 @@ def build(*, n: int, mode: int, amplitude: float, stiffness: float, periods: int
     period = 2.0 * math.pi / omega
     interval = period / FRAMES
     # The masses pull on the stiffest mode of the bars: four times k / m, squared.
-    steps = math.ceil(interval * math.sqrt(4.0 * stiffness / mass) / 0.5)
+    steps = math.ceil(interval * math.sqrt(4.0 * stiffness / mass) / 0.25)
     first = np.arange(n)
     tension = mass * GRAVITY * (n - first)
     source = "w^2 = x g / l with L_N(x) = 0, Laguerre's polynomial"

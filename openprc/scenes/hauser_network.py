@@ -31,9 +31,11 @@ FREQUENCIES = (2.11, 3.73, 4.33)  # Hz
 #: Of the nodes, the share that the input pushes.
 SHARE = 0.2
 #: Ranges of k1, d1 and of both cubic constants, and the amplitude of the input [N], by task.
-RANGES = {"volterra": ((1.0, 200.0), (1.0, 200.0)), "narma": ((1.0, 100.0), (10.0, 100.0))}
+RANGES = {"volterra": ((1.0, 200.0), (1.0, 200.0)), "narma": ((10.0, 100.0), (10.0, 100.0))}
 CUBIC = (1.0, 100.0)
-AMPLITUDES = {"volterra": 0.2, "narma": 0.1}
+#: That of the second is of unit variance: the system computes from 0.1 of the product, and the
+#: body is pushed by the standardised input.
+AMPLITUDES = {"volterra": 0.2, "narma": math.sqrt(8.0)}
 #: How far the reference is compared [s].
 CHECKED = 0.5
 
@@ -47,7 +49,7 @@ def network_input(n_rows: int, *, amplitude: float) -> Reals:
 
 def build(*, n: int, drive: Literal["volterra", "narma"], n_steps: int, seed: int) -> Scene:
     """Return the network; options as in the record."""
-    from scipy.spatial import Delaunay  # noqa: PLC0415 - only this scene needs it
+    from scipy.spatial import Delaunay
 
     if n < 5 or n_steps < 4:
         raise ConfigError(

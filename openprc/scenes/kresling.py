@@ -118,7 +118,14 @@ def build(*, sides: int, twist: float, height: float, duration: float) -> Scene:
                     measure=strain,
                     source=source,
                 ),
-                deviation_probe(exact, labels, scale=scale, tolerance=2e-3, source=source),
+                deviation_probe(
+                    exact,
+                    labels,
+                    scale=scale,
+                    tolerance=2e-3,
+                    source=source,
+                    interval=duration / FRAMES,
+                ),
             ),
         ),
         scale=scale,
@@ -146,9 +153,7 @@ class _Storey:
         for row, angle in enumerate((twist - self.half, twist + self.half)):
             square = z**2 + RADIUS**2 + radius**2 - 2.0 * RADIUS * radius * math.cos(angle)
             values[row] = math.sqrt(square)
-            half = np.array(
-                [radius - RADIUS * math.cos(angle), RADIUS * radius * math.sin(angle)]
-            )
+            half = np.array([radius - RADIUS * math.cos(angle), RADIUS * radius * math.sin(angle)])
             slopes[row] = half / values[row]
             mixed = RADIUS * math.sin(angle)
             bent = np.array([[1.0, mixed], [mixed, RADIUS * radius * math.cos(angle)]])

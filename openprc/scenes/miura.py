@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from openprc.scenes.converged import converged_motion
 from openprc.scenes.folded_sheets import sheet_elements
 from openprc.scenes.probes import deviation_probe, places
 from openprc.scenes.scene import Probe, Reference, Scene
-from openprc.scenes.slow_drive import SAMPLES, smooth_path
+from openprc.scenes.slow_drive import smooth_path
 from openprc.schema.dihedral import dihedral_angles
 from openprc.schema.experiment import Actuator, Experiment, Signal
 from openprc.schema.geometry import Geometry
@@ -86,9 +87,7 @@ def _driven(columns: int, rows: int, *, n_symbols: int, strength: float, seed: i
             masses=masses,
             fixed=np.isin(np.arange(mesh.n_nodes), left),
             labels=labels,
-            **sheet_elements(
-                mesh, modulus=MODULUS, fold=FOLD, facet=FACET, damping=BAR_DAMPING
-            ),
+            **sheet_elements(mesh, modulus=MODULUS, fold=FOLD, facet=FACET, damping=BAR_DAMPING),
         ),
         signals={
             "force": Signal(
@@ -110,7 +109,10 @@ def _driven(columns: int, rows: int, *, n_symbols: int, strength: float, seed: i
         save_interval=HOLD / FRAMES_PER_SYMBOL,
         damping=DECAY * float(masses.mean()),
     )
-    experiment = with_chosen_step(experiment)
+    # The force has a corner at every sample: steps end there.
+    apart = PARTS // FRAMES_PER_SYMBOL
+    steps = math.ceil(with_chosen_step(experiment).steps_per_frame / apart) * apart
+    experiment = replace(experiment, dt=experiment.save_interval / steps)
     exact = converged_motion(experiment)
     scale = EDGE
     checked = min(CHECKED, n_symbols)
@@ -191,7 +193,6 @@ def _folding(columns: int, rows: int, *, duration: float, fold: float, facet: fl
         damping=1.0 * MASS,
         integrator="verlet",
     )
-    assert width.values.size == SAMPLES
     return Scene(
         name="miura",
         experiment=with_chosen_step(experiment),
@@ -212,7 +213,14 @@ def _folding(columns: int, rows: int, *, duration: float, fold: float, facet: fl
                     measure=energy,
                     source=source,
                 ),
-                deviation_probe(exact, labels, scale=scale, tolerance=2e-3, source=source),
+                deviation_probe(
+                    exact,
+                    labels,
+                    scale=scale,
+                    tolerance=2e-3,
+                    source=source,
+                    interval=duration / FRAMES,
+                ),
             ),
         ),
         scale=scale,

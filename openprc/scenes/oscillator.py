@@ -14,8 +14,8 @@ from openprc.schema.experiment import Experiment
 from openprc.schema.geometry import Bars, Geometry
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 LENGTH, MASS = 1.0, 1.0  # m, kg
 LABELS = ("anchor", "mass")
@@ -81,9 +81,7 @@ def build(*, frequency: float, amplitude: float, periods: int) -> Scene:
     source = "x = L + a cos(w t), w = sqrt(k / m)"
     return Scene(
         name="oscillator",
-        experiment=spring_experiment(
-            frequency=frequency, amplitude=amplitude, periods=periods
-        ),
+        experiment=spring_experiment(frequency=frequency, amplitude=amplitude, periods=periods),
         reference=Reference(
             kind="closed form",
             text="a sinusoid of the frequency sqrt(k / m) / (2 pi), at every instant",

@@ -14,8 +14,8 @@ from openprc.schema.experiment import Experiment
 from openprc.schema.geometry import Bars, Geometry
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 MASS = 0.1  # kg
 LABELS = ("pivot", "bob")

@@ -123,8 +123,27 @@ def period_of_crossings(times: Reals, samples: Reals) -> float:
     return (instants[-1] - instants[0]) / (len(instants) - 1)
 
 
+def instants(trajectory: Trajectory, interval: float | None = None) -> Reals:
+    """Return the times of the frames in the scene: (T,) [s].
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    interval : float [s], optional
+        Time of the scene from one load step to the next, for paths of equilibria: those count
+        steps, and have no time of their own.
+    """
+    clock = trajectory.time
+    return clock * interval if interval and trajectory.time_kind == "pseudo" else clock
+
+
 def deviation(
-    trajectory: Trajectory, exact: Motion, labels: Sequence[str], *, until: float | None = None
+    trajectory: Trajectory,
+    exact: Motion,
+    labels: Sequence[str],
+    *,
+    until: float | None = None,
+    interval: float | None = None,
 ) -> float:
     """Return the largest distance of a node from where it has to be [m].
 
@@ -136,8 +155,10 @@ def deviation(
     labels : sequence of str
     until : float [s], optional
         Frames after it are left out.
+    interval : float [s], optional
+        As for `instants`.
     """
-    clock = trajectory.time
+    clock = instants(trajectory, interval)
     count = len(clock) if until is None else int(np.searchsorted(clock, until * (1.0 + 1e-9)))
     apart = places(trajectory, labels)[:count] - exact(clock[:count])
     return float(np.linalg.norm(apart, axis=2).max())
@@ -151,13 +172,21 @@ def deviation_probe(
     tolerance: float,
     source: str,
     until: float | None = None,
+    interval: float | None = None,
 ) -> Probe:
-    """Return the probe that every node is where it has to be, in units of `scale` [m]."""
+    """Return the probe that every node is where it has to be, in units of `scale` [m].
+
+    `interval` is given for paths of equilibria; see `instants`.
+    """
+
+    def measured(run: Trajectory) -> float:
+        return deviation(run, exact, labels, until=until, interval=interval) / scale
+
     return Probe(
         name="largest deviation" if until is None else f"largest deviation until {until:g} s",
         value=0.0,
         unit="1",
         tolerance=tolerance,
-        measure=lambda run: deviation(run, exact, labels, until=until) / scale,
+        measure=measured,
         source=source,
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from openprc.errors import MissingDependency, OpenPRCError
+from openprc.errors import MissingDependency, OpenPRCError, PluginError
 from openprc.hooks.faults import owned_by
 from openprc.hooks.protocols import Describer, Modelled
 from openprc.hooks.registry import Registered, Registry, default_registry, missing_packages
@@ -125,8 +125,20 @@ def _verdict(
         return ProducerVerdict(
             producer=name, state="unavailable", text=f"{error.found}: {error.fix}"
         )
-    except OpenPRCError as error:
+    except PluginError as error:
         return ProducerVerdict(producer=name, state="broken", text=f"{error.found}; {error.fix}")
+    except OpenPRCError as error:  # the scene contradicts itself, in the eyes of that producer
+        finding = Finding(
+            code=type(error).__name__,
+            level="error",
+            path=error.key or "geometry",
+            found=error.found,
+            expected=error.expected,
+            fix=error.fix,
+        )
+        return ProducerVerdict(
+            producer=name, state="refuses", findings=(finding,), text=error.found
+        )
     errors = [finding for finding in findings if finding.level == "error"]
     if errors:
         more = f", and {len(errors) - 1} more" if len(errors) > 1 else ""

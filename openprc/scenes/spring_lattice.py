@@ -72,14 +72,10 @@ def build(*, side: int, n_symbols: int, stiffness: float, strength: float, seed:
             ),
         ),
         signals={
-            "force": Signal(
-                name="force", values=symbols, dt=HOLD, interpolation="hold", unit="N"
-            )
+            "force": Signal(name="force", values=symbols, dt=HOLD, interpolation="hold", unit="N")
         },
         actuators=(
-            Actuator(
-                node=side * side - 1, signal="force", type="force", axes=(False, True, False)
-            ),
+            Actuator(node=side * side - 1, signal="force", type="force", axes=(False, True, False)),
         ),
         duration=n_symbols * HOLD,
         dt=interval / math.ceil(interval * omega / 0.4),

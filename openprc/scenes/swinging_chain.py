@@ -93,7 +93,7 @@ def build(*, n: int, angle: float, stiffness: float, duration: float, rigid: boo
                     exact,
                     labels,
                     scale=scale,
-                    tolerance=1e-3,
+                    tolerance=3e-3,
                     source="DOP853",
                     until=horizon,
                 ),

@@ -15,8 +15,8 @@ from openprc.schema.experiment import Actuator, Experiment, Signal
 from openprc.schema.geometry import Bars, Geometry
 
 if TYPE_CHECKING:
-    from openprc.schema.trajectory import Trajectory
     from openprc.scenes.probes import Reals
+    from openprc.schema.trajectory import Trajectory
 
 SPAN = 1.0  # m, from a support to the middle
 LOADER = 0.5  # m, relaxed length of the spring that pushes
@@ -72,7 +72,9 @@ def build(*, rise: float, stiffness: float, loader: float, duration: float) -> S
     ]
     if not snaps:
         probes.append(
-            deviation_probe(exact, LABELS, scale=rise, tolerance=2e-3, source=source)
+            deviation_probe(
+                exact, LABELS, scale=rise, tolerance=2e-3, source=source, interval=interval
+            )
         )
     return Scene(
         name="von-mises-truss",

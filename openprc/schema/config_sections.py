@@ -40,9 +40,7 @@ class SimulationSection(_Section):
         default=None, validate_default=True, description="time step of the integrator [s]"
     )
     save_interval: Positive = Field(description="time between saved frames [s], a multiple of dt")
-    integrator: str | None = Field(
-        default=None, min_length=1, description="name of the integrator"
-    )
+    integrator: str | None = Field(default=None, min_length=1, description="name of the integrator")
     tolerance: Positive | None = Field(
         default=None, description="relative error per step of integrators that choose their step"
     )

@@ -40,6 +40,7 @@ ACTUATOR_UNITS: Mapping[str, str] = MappingProxyType(
 )
 #: The integrator of an experiment whose `accuracy` chooses one.
 AUTO = "auto"
+DEFAULT_INTEGRATOR = "rk4"
 #: Relative slack between decimal numbers that are meant to be multiples of each other.
 MULTIPLE_TOLERANCE = 1e-9
 
@@ -224,7 +225,7 @@ class Experiment:
     save_interval: float
     signals: Mapping[str, Signal] = field(default_factory=dict)
     actuators: tuple[Actuator, ...] = ()
-    integrator: str = "rk4"
+    integrator: str = DEFAULT_INTEGRATOR
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: float = 0.0
     bar_damping: BarDamping = "axial"

@@ -28,6 +28,7 @@ from openprc.schema.atomic import publish
 from openprc.schema.experiment import (
     ACTUATOR_UNITS,
     AUTO,
+    DEFAULT_INTEGRATOR,
     Actuator,
     Collision,
     Experiment,
@@ -116,7 +117,7 @@ def read_experiment(directory: str | Path) -> Experiment:
         dt=times.save_interval if times.dt is None else times.dt,
         dt_stated=times.dt is not None,
         save_interval=times.save_interval,
-        integrator=times.integrator or ("rk4" if times.accuracy is None else AUTO),
+        integrator=times.integrator or (DEFAULT_INTEGRATOR if times.accuracy is None else AUTO),
         accuracy=times.accuracy,
         gravity=physics.gravity_vector(),
         damping=physics.damping,

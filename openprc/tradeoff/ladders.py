@@ -147,10 +147,10 @@ def constraint_ladder(bench: Workbench, base: Point) -> list[Point]:
     ]
 
 
-def storage_points(bench: Workbench, base: Point) -> list[Point]:
+def storage_points(bench: Workbench, base: Mapping[str, Any]) -> list[Point]:
     """Store a run in both precisions, and read it back."""
     return [
-        bench.measure("storage", f"stored as {precision}", {**base.setting, "storage": precision})
+        bench.measure("storage", f"stored as {precision}", {**base, "storage": precision})
         for precision in ("float64", "float32")
     ]
 

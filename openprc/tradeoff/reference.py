@@ -110,9 +110,9 @@ class ConvergedReference:
     def as_dict(self) -> dict[str, Any]:
         """Return plain data, for JSON; without the frames."""
         names = (
-            "stride", "horizon", "duration", "method", "setting", "differences", "rate", "uncertainty",
-            "check_method", "check_difference", "check_uncertainty", "closed_form_difference",
-            "converged", "notes",
+            "stride", "horizon", "duration", "method", "setting", "differences", "rate",
+            "uncertainty", "check_method", "check_difference", "check_uncertainty",
+            "closed_form_difference", "converged", "notes",
         )  # fmt: skip
         values = {name: getattr(self, name) for name in names}
         values["differences"], values["notes"] = list(self.differences), list(self.notes)
@@ -122,9 +122,14 @@ class ConvergedReference:
 
 def is_smooth(experiment: Experiment) -> bool:
     """Say whether a scheme that chooses its steps can run it: no constraints, no impacts."""
+    return not (has_constraints(experiment) or can_touch(experiment))
+
+
+def has_constraints(experiment: Experiment) -> bool:
+    """Say whether elements are rigid, or have hard stops."""
     geometry = experiment.geometry
     rigid = geometry.bars.rigid.any() or geometry.hinges.rigid.any()
-    return not (rigid or has_stops(experiment) or can_touch(experiment))
+    return bool(rigid) or has_stops(experiment)
 
 
 def has_stops(experiment: Experiment) -> bool:
@@ -172,7 +177,7 @@ def converged_reference(
         found = _by_tolerance(experiment, stride, progress)
         second = ("rk4", 4)
     else:
-        rigid = experiment.geometry.bars.rigid.any() or experiment.geometry.hinges.rigid.any()
+        rigid = has_constraints(experiment)
         first = ("rk4-dae", 4) if rigid else ("rk4", 4)
         second = ("rattle", 2) if rigid else ("verlet", 2)
         if has_stops(experiment):
@@ -205,7 +210,7 @@ def _by_tolerance(experiment: Experiment, stride: int, progress: Progress) -> Co
     frames: list[Reals] = []
     for number, tolerance in enumerate(TOLERANCES):
         progress(0.2 * number, f"reference: dop853 to {tolerance:g}")
-        setting = {"integrator": "dop853", "tolerance": tolerance, "step_check": "warn"}
+        setting = {"integrator": "dop853", "tolerance": tolerance}
         frames.append(run_in_memory(configured(experiment, setting), stride=stride).positions)
     profiles = [error_over_time(before, frames[-1]) for before in frames[:-1]]
     differences = tuple(float(profile.max()) for profile in profiles)
@@ -215,7 +220,7 @@ def _by_tolerance(experiment: Experiment, stride: int, progress: Progress) -> Co
         horizon=_until(profiles[-1], HORIZON_ERROR, experiment, stride),
         duration=experiment.duration,
         method=f"dop853 at tolerances {', '.join(f'{t:g}' for t in TOLERANCES)}",
-        setting={"integrator": "dop853", "tolerance": TOLERANCES[-1], "step_check": "warn"},
+        setting={"integrator": "dop853", "tolerance": TOLERANCES[-1]},
         differences=differences,
         rate=None,
         uncertainty=max(differences[-1], float(np.finfo(float).eps)),
@@ -380,4 +385,4 @@ def _cut_at_horizon(found: ConvergedReference, experiment: Experiment) -> Conver
     )
 
 
-__all__ = ["ConvergedReference", "converged_reference", "has_stops", "is_smooth"]
+__all__ = ["ConvergedReference", "converged_reference", "has_constraints", "has_stops", "is_smooth"]

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from openprc.demlat.integrators import INTEGRATORS
+from openprc.errors import TaskError
 from openprc.hooks.registry import default_registry
 from openprc.hooks.running import silent
 from openprc.tradeoff import ladders
 from openprc.tradeoff.pareto import cost_of, cpu_seconds, pareto_front
 from openprc.tradeoff.point import Point
-from openprc.tradeoff.reference import ConvergedReference, is_smooth
+from openprc.tradeoff.reference import ConvergedReference, has_constraints
 from openprc.tradeoff.reference_file import kept_reference
 from openprc.tradeoff.scene_digest import scene_digest
+from openprc.tradeoff.scoring import score_points
 from openprc.tradeoff.settings import ENGINE_GROUPS, GROUPS, OFFERED, check_names
 from openprc.tradeoff.store import PointStore
 from openprc.tradeoff.workbench import BudgetSpent, Workbench
@@ -25,6 +28,7 @@ from openprc.tradeoff.workbench import BudgetSpent, Workbench
 if TYPE_CHECKING:
     from openprc.hooks.protocols import Progress
     from openprc.scenes.scene import Scene
+    from openprc.schema.experiment import Experiment
 
 #: Errors below this are of no use to anyone, and cost the most to measure.
 GOOD_ENOUGH = 3e-9
@@ -43,7 +47,8 @@ class Choices:
     ----------
     groups : tuple of str
         Some of `openprc.tradeoff.settings.GROUPS`.
-    integrators : tuple of str
+    integrators : tuple of str, optional
+        By default all, but those for constraints where there are none.
     target : float, optional [1]
         Error that is wanted: ladders end below it, and are refined around it.
     metric : str
@@ -64,7 +69,7 @@ class Choices:
     """
 
     groups: tuple[str, ...] = ("integrator", "constraints", "precision", "storage")
-    integrators: tuple[str, ...] = OFFERED
+    integrators: tuple[str, ...] | None = None
     target: float | None = None
     metric: str = "trajectory"
     longest: float = 2.0
@@ -74,7 +79,7 @@ class Choices:
 
     def __post_init__(self) -> None:
         check_names(self.groups, GROUPS, what="group")
-        check_names(self.integrators, tuple(INTEGRATORS), what="integrator")
+        check_names(self.integrators or (), OFFERED, what="integrator")
 
     @property
     def enough(self) -> float:
@@ -82,6 +87,13 @@ class Choices:
         if self.target is None or self.metric != "trajectory":
             return GOOD_ENOUGH
         return max(BELOW_TARGET * self.target, GOOD_ENOUGH)
+
+    def schemes(self, experiment: Experiment) -> tuple[str, ...]:
+        """Return the integrators that are tried on a scene."""
+        if self.integrators is not None:
+            return self.integrators
+        bound = has_constraints(experiment)
+        return tuple(n for n in OFFERED if bound or INTEGRATORS[n].rigid == "no")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +105,8 @@ class Study:
     scene : Scene
     reference : ConvergedReference
     points : tuple of Point
+    reference_scores : dict of str to float
+        Figures of tasks of the reference; empty where nothing was scored.
     choices : Choices
     n_measured : int
         Points that were measured now, and not found in the folder.
@@ -103,6 +117,7 @@ class Study:
     scene: Scene
     reference: ConvergedReference
     points: tuple[Point, ...]
+    reference_scores: dict[str, float]
     choices: Choices
     n_measured: int
     left_out: tuple[str, ...] = ()
@@ -110,12 +125,7 @@ class Study:
     @property
     def advisable(self) -> tuple[Point, ...]:
         """Points whose settings can be written into a config, and are not refused by default."""
-        return tuple(
-            point
-            for point in self.points
-            if point.group in ("integrator", "constraints", "precision", "model")
-            and not {"step_check", "producer"} & set(point.setting)
-        )
+        return advisable(self.points)
 
     @property
     def front(self) -> tuple[Point, ...]:
@@ -137,6 +147,7 @@ class Study:
             "scene_digest": scene_digest(self.scene.experiment),
             "chaotic": self.scene.chaotic,
             "reference": self.reference.as_dict(),
+            "reference_scores": self.reference_scores,
             "target": self.choices.target,
             "metric": self.choices.metric,
             "points": [
@@ -147,6 +158,16 @@ class Study:
             "n_measured": self.n_measured,
             "left_out": list(self.left_out),
         }
+
+
+def advisable(points: Iterable[Point]) -> tuple[Point, ...]:
+    """Return the points whose settings a config can hold, and the engine does not refuse."""
+    return tuple(
+        point
+        for point in points
+        if point.group in ("integrator", "constraints", "precision", "model")
+        and not {"step_check", "producer"} & set(point.setting)
+    )
 
 
 def at_floor(point: Point, reference: ConvergedReference) -> bool:
@@ -190,12 +211,15 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
         longest=choices.longest,
     )
     left_out: list[str] = []
+    scores: dict[str, float] = {}
     groups = [group for group in ENGINE_GROUPS if group in choices.groups]
     try:
         for number, group in enumerate(groups):
             begin, share = 0.8 * number / len(groups), 0.8 / len(groups)
             _measure_group(bench, group, choices, progress=_part(progress, begin, share))
-        bench.time_again(progress=_part(progress, 0.8, 0.2))
+        bench.time_again(progress=_part(progress, 0.8, 0.1))
+        scores, notes = _scores(bench, scene, choices, progress=_part(progress, 0.9, 0.1))
+        left_out += notes
     except BudgetSpent:
         left_out.append(
             f"the budget of {choices.budget:g} s was spent before everything was measured;"
@@ -207,7 +231,8 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
     return Study(
         scene=scene,
         reference=reference,
-        points=store.points,
+        points=tuple(point for point in store.points if point.group != "reference"),
+        reference_scores=scores,
         choices=choices,
         n_measured=bench.n_measured,
         left_out=tuple(left_out),
@@ -216,6 +241,25 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
 
 def _part(progress: Progress, begin: float, share: float) -> Progress:
     return lambda fraction, message: progress(begin + share * fraction, message)
+
+
+def _scores(
+    bench: Workbench, scene: Scene, choices: Choices, *, progress: Progress
+) -> tuple[dict[str, float], list[str]]:
+    """Score the settings that are worth it: those on the front, or all where scores decide."""
+    by_score = choices.metric != "trajectory"
+    if not by_score and scene.input_name is None:
+        return {}, []
+    points = tuple(p for p in advisable(bench.store.points) if p.status == "ok")
+    try:
+        scores, notes = score_points(
+            bench, scene, points if by_score else pareto_front(points), progress=progress
+        )
+    except TaskError as problem:
+        if by_score:
+            raise
+        return {}, [f"scores of tasks: {problem.found}"]
+    return scores, [f"not scored: {note}" for note in notes]
 
 
 # --- groups -------------------------------------------------------------------------------------
@@ -232,7 +276,7 @@ Tasks = Iterator[tuple[str, Callable[[], object]]]
 
 
 def _integrators(bench: Workbench, choices: Choices) -> Tasks:
-    for name in choices.integrators:
+    for name in choices.schemes(bench.experiment):
         yield (
             name,
             lambda name=name: ladders.integrator_ladder(bench, name, enough=choices.enough),
@@ -242,9 +286,9 @@ def _integrators(bench: Workbench, choices: Choices) -> Tasks:
 
 
 def _constraints(bench: Workbench, choices: Choices) -> Tasks:
-    for name in ("rattle", "rk4-dae", "rk4-projection"):
+    for name in choices.schemes(bench.experiment):
         base = _base(bench, name, choices)
-        if base is not None and name in choices.integrators and not is_smooth(bench.experiment):
+        if base is not None and INTEGRATORS[name].rigid != "no":
             yield (
                 f"{name}, tolerance of constraints",
                 lambda base=base: ladders.constraint_ladder(bench, base),
@@ -253,7 +297,7 @@ def _constraints(bench: Workbench, choices: Choices) -> Tasks:
 
 def _precision(bench: Workbench, choices: Choices) -> Tasks:
     for name in ("rk4", "verlet", "dop853"):
-        if name in choices.integrators:
+        if name in choices.schemes(bench.experiment):
             yield (
                 f"{name} in float32",
                 lambda name=name: ladders.integrator_ladder(
@@ -263,9 +307,8 @@ def _precision(bench: Workbench, choices: Choices) -> Tasks:
 
 
 def _storage(bench: Workbench, choices: Choices) -> Tasks:
-    base = _base(bench, None, choices)
-    if base is not None:
-        yield "storage", lambda: ladders.storage_points(bench, base)
+    # What storing loses shows where nothing else is lost.
+    yield "storage", lambda: ladders.storage_points(bench, bench.reference.setting)
 
 
 def _backends(bench: Workbench, choices: Choices) -> Tasks:
@@ -295,13 +338,9 @@ _TASKS: dict[str, Callable[[Workbench, Choices], Tasks]] = {
 }
 
 
-def _base(bench: Workbench, name: str | None, choices: Choices) -> Point | None:
+def _base(bench: Workbench, name: str, choices: Choices) -> Point | None:
     """Return the point that other axes are varied at: as exact as wanted, or as can be had."""
-    measured = [
-        p
-        for p in bench.store.points
-        if p.group == "integrator" and (name is None or p.label == name)
-    ]
+    measured = [p for p in bench.store.points if p.group == "integrator" and p.label == name]
     return ladders.best_rung(measured, choices.enough)
 
 
@@ -325,7 +364,7 @@ def refine(bench: Workbench, group: str, target: float) -> None:
 def _between(points: Sequence[Point], target: float) -> dict[str, Any] | None:
     """Return the setting between two rungs that should just reach the target."""
     good = [p for p in points if p.trajectory_error]
-    for before, after in zip(good[:-1], good[1:], strict=True):
+    for before, after in itertools.pairwise(good):
         e0, e1 = before.trajectory_error or 0.0, after.trajectory_error or 0.0
         if not e0 > target >= e1:
             continue

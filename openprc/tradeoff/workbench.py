@@ -86,7 +86,7 @@ class Workbench:
         known = self.store.get(group, setting)
         if known is not None:
             return known.point
-        self._check_budget()
+        self.check_budget()
         self.n_measured += 1
         point = Point(group=group, label=label, setting=dict(setting))
         try:
@@ -104,7 +104,7 @@ class Workbench:
             text = f"the positions are wrong by {wrong:.1e} of the motion"
             return self._keep(replace(point, status="diverged", note=text))
         note = "at the floor of the reference" if wrong < self.reference.floor else ""
-        if setting.get("step_check") == "warn":
+        if setting.get("step_check") == "warn" and "steps_per_frame" in setting:
             note = "above the stability limit, which the engine refuses unless told otherwise"
         return self._keep(
             replace(
@@ -140,6 +140,11 @@ class Workbench:
         experiment = configured(self.experiment, setting)
         return run_cost(experiment, step_limit(experiment)).seconds
 
+    def check_budget(self) -> None:
+        """Raise `BudgetSpent` when the time for measuring is over."""
+        if self.limit is not None and time.monotonic() - self._began > self.limit:
+            raise BudgetSpent
+
     # --- further rounds -------------------------------------------------------------------------
 
     def time_again(self, *, progress: Progress = silent) -> None:
@@ -155,7 +160,7 @@ class Workbench:
         for number in range(2, self.rounds + 1):
             todo = [s for s in self._timed() if len(s.seconds) < number]
             for done, stored in enumerate(todo):
-                self._check_budget()
+                self.check_budget()
                 point = stored.point
                 progress(done / len(todo), f"round {number} of {self.rounds}: {point.label}")
                 self._warm_up(point.setting)
@@ -173,10 +178,6 @@ class Workbench:
             point = replace(point, cpu_seconds=statistics.median(seconds))
         self.store.put(point, seconds=seconds)
         return point
-
-    def _check_budget(self) -> None:
-        if self.limit is not None and time.monotonic() - self._began > self.limit:
-            raise BudgetSpent
 
     def _warm_up(self, setting: Mapping[str, Any]) -> None:
         """Compile what a setting needs, on the first frame of the scene."""

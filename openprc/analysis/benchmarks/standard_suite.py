@@ -24,6 +24,7 @@ from openprc.analysis.benchmarks.task_benchmark import TaskBenchmark
 from openprc.analysis.tasks.recall import ParityTask
 from openprc.analysis.tasks.volterra import VolterraTask
 from openprc.errors import OpenPRCError, TaskError
+from openprc.reservoir.training.row_split import RowSplit
 from openprc.reservoir.training.trainer import Trainer
 
 NARMA_ORDERS = (2, 5, 10, 20)
@@ -204,12 +205,17 @@ def standard_items(
 
 
 def delay_budget(trainer: Trainer) -> dict[int, int]:
+    """Return the largest delay for each degree of a trainer; see `delays_for`."""
+    return delays_for(trainer.split)
+
+
+def delays_for(split: RowSplit) -> dict[int, int]:
     """Return the largest delay for each degree, from how many rows there are.
 
     Thresholds grow with the number of targets, and delays beyond the washout would need input
     from before the first row; both are bounded by the length of the recording.
     """
-    rows = trainer.split.train + trainer.split.test
+    rows = split.train + split.test
     longest = max(min(60, rows // 10), 1)
     return {1: longest, 2: max(min(20, longest // 2), 1), 3: max(min(6, longest // 6), 1)}
 

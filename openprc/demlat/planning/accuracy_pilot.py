@@ -10,7 +10,7 @@ import numpy as np
 
 from openprc.demlat.models.barhinge.model import BarHingeModel
 from openprc.demlat.planning.accuracy_schemes import Eligible, with_scheme
-from openprc.errors import Diverged, OpenPRCError
+from openprc.errors import Diverged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

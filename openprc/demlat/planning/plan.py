@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from openprc.demlat.integrators import find_integrator
 from openprc.demlat.models.barhinge.support import remarks, supports
+from openprc.demlat.planning.accuracy import choose_for_accuracy, settled
+from openprc.demlat.planning.accuracy_choice import AccuracyChoice
 from openprc.demlat.planning.mechanisms import mechanisms
 from openprc.demlat.planning.run_cost import RunCost, run_cost
 from openprc.demlat.planning.scene_checks import scene_findings
-from openprc.demlat.planning.stability import ACCURATE, Verdict, step_limit
+from openprc.demlat.planning.stability import ACCURATE, StepLimit, Verdict, step_limit
 from openprc.demlat.planning.tangent_operators import free_axes
 from openprc.schema.experiment_checks import check_experiment
 from openprc.schema.findings import Finding
@@ -55,6 +57,8 @@ class Plan:
         What is refused ("error"), and what is odd ("warning", "hint").
     remarks : tuple of str
         What a run would note in its file.
+    accuracy : AccuracyChoice or None
+        What was chosen for the accuracy of the experiment, if it has one.
     """
 
     integrator: str
@@ -83,6 +87,7 @@ class Plan:
     cost: RunCost
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
+    accuracy: AccuracyChoice | None = None
 
     @property
     def runs(self) -> bool:
@@ -94,13 +99,15 @@ class Plan:
         data = asdict(self)
         data["findings"] = [finding.as_dict() for finding in self.findings]
         data["remarks"] = list(self.remarks)
+        data["accuracy"] = None if self.accuracy is None else self.accuracy.as_dict()
         return data | {"runs": self.runs}
 
     def rows(self) -> list[tuple[str, str]]:
         """Return what a table shows: name and text."""
         stop = "none" if self.limit is None else f"{self.limit:.4g} s"
         steps = "chosen by the scheme" if self.n_steps is None else f"{self.n_steps:,}"
-        rows = [
+        rows = [] if self.accuracy is None else self.accuracy.rows()
+        rows += [
             ("integrator", self.integrator),
             ("time step", f"{self.dt:g} s: {self.verdict}"),
             ("stability limit", stop + ("" if self.set_by is None else f", {self.set_by}")),
@@ -132,12 +139,14 @@ class Plan:
         return f"{self.n_mechanisms}, and {self.n_rigid_motions} motions as a whole"
 
 
-def make_plan(experiment: Experiment) -> Plan:
-    """Look at an experiment without running it.
+def make_plan(experiment: Experiment, *, only: tuple[str, ...] = ()) -> Plan:
+    """Look at an experiment without running it, but for the pilot that an accuracy takes.
 
     Parameters
     ----------
     experiment : Experiment
+    only : tuple of str, optional
+        Names of integrators that an accuracy may choose from.
 
     Raises
     ------
@@ -157,6 +166,10 @@ def make_plan(experiment: Experiment) -> Plan:
     ('fine', 0.2828, 'bar 0 between nodes 0 and 1')
     """
     check_experiment(experiment)
+    choice = None
+    if experiment.accuracy is not None:
+        choice = choose_for_accuracy(experiment, only=only)
+        experiment = settled(experiment, only=only)
     scheme = find_integrator(experiment.integrator)
     limit = step_limit(experiment)
     geometry = experiment.geometry
@@ -189,10 +202,20 @@ def make_plan(experiment: Experiment) -> Plan:
         n_bends=len(geometry.bends),
         n_mechanisms=None if found is None else found[0],
         n_rigid_motions=None if found is None else found[1],
-        cost=run_cost(experiment, limit),
+        cost=_cost(experiment, limit, choice),
         findings=(*supports(experiment), *scene_findings(experiment)),
         remarks=tuple(remarks(experiment)),
+        accuracy=choice,
     )
+
+
+def _cost(experiment: Experiment, limit: StepLimit, choice: AccuracyChoice | None) -> RunCost:
+    cost = run_cost(experiment, limit)
+    if choice is None or cost.evaluations == 0:
+        return cost
+    # A pilot has counted what a formula only guesses.
+    seconds = cost.seconds * choice.evaluations / cost.evaluations
+    return replace(cost, evaluations=choice.evaluations, seconds=seconds)
 
 
 def _finite(value: float) -> float | None:

@@ -16,6 +16,7 @@ from openprc.schema.mistakes import list_some
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from openprc.demlat.planning.mechanisms import FreeMotions
     from openprc.schema.experiment import Experiment
 
     Reals = NDArray[np.float64]
@@ -192,4 +193,48 @@ def floating_pieces(experiment: Experiment) -> Iterator[Finding]:
             f" {len(example)} nodes {list_some(example)}"
             + (": gravity carries them away" if falls else ""),
             fix="fix or drive some of their nodes, unless they are meant to float",
+        )
+
+
+# --- motions -------------------------------------------------------------------------------------
+
+
+def motion_findings(motions: FreeMotions | None) -> Iterator[Finding]:
+    """Yield what the search for free motions found worth a second look, as hints."""
+    if motions is None:
+        yield Finding(
+            code="PLAN-NOT-SEARCHED",
+            level="hint",
+            path="nodes/positions",
+            found="the body is too large for a search for mechanisms",
+            expected="a body whose rigidity matrix can be factorised in seconds",
+            fix="look at a smaller one of its kind",
+        )
+        return
+    inner = [motion for motion in motions.shown if motion.kind == "mechanism"]
+    if motions.n_mechanisms:
+        example = f", such as: {inner[0].text}" if inner else ""
+        many = (
+            "1 motion strains"
+            if motions.n_mechanisms == 1
+            else (f"{motions.n_mechanisms:,} motions strain")
+        )
+        yield Finding(
+            code="PLAN-MECHANISM",
+            level="hint",
+            path="elements",
+            found=f"{many} no element{example}",
+            expected="bars, hinges or bends against every motion, unless it is meant to be free",
+            fix="brace it, give hinges or bends a stiffness, or fix a node",
+        )
+    if motions.n_redundant_rigid:
+        some = ", ".join(motions.redundant_rigid[:5])
+        yield Finding(
+            code="PLAN-REDUNDANT-RIGID",
+            level="hint",
+            path="elements/bars/rigid",
+            found=f"{motions.n_redundant_rigid:,} rigid elements are implied by the others"
+            + (f", such as {some}" if some else ""),
+            expected="independent constraints: forces in redundant ones are not determined",
+            fix="leave them out, or make them soft",
         )

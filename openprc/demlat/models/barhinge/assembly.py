@@ -344,8 +344,10 @@ class _Assembler:
     def _group(
         self, group: Any, blocks: Blocks, columns: dict[str, Reals], nodes: tuple[str, ...]
     ) -> Any:
-        # Filling lanes need a rest angle, a length and room that divide nothing by zero.
+        # Filling lanes need a rest angle, a length and room that divide nothing by zero, and
+        # limits that no angle reaches: the energy of a wall is the logarithm of a cosine.
         fills = {"cosine": 1.0, "relaxed": 1.0, "low_room": 1.0, "high_room": 1.0}
+        fills |= {"low": -2.0 * np.pi, "high": 2.0 * np.pi}
         packed = {
             name: self.packing.parameters(blocks, values, fills.get(name, 0.0))
             for name, values in columns.items()

@@ -11,6 +11,7 @@ import numpy as np
 from openprc.demlat.backends.choose import Choice, choose_backend
 from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.divergence import strained_most, way_out
+from openprc.demlat.models.barhinge.run_watch import RunWatch
 from openprc.demlat.models.barhinge.support import ESCAPE_FACTOR, remarks, scene_size, supports
 from openprc.demlat.models.barhinge.tables import (
     BEND_ENERGY,
@@ -56,6 +57,7 @@ class BarHingeModel:
         self.backend = backend
         self.integrator = find_integrator(experiment.integrator)
         self._scheme: Any = None
+        self._watch: RunWatch | None = None
 
     @staticmethod
     def supports(experiment: Experiment) -> list[Finding]:
@@ -80,9 +82,26 @@ class BarHingeModel:
         Raises
         ------
         Diverged
-            When a coordinate leaves the range of plausible numbers; the frames before that
-            have been yielded.
+            When a coordinate leaves the range of plausible numbers, some number is not finite, or
+            the scheme makes most of the energy; the frames before that have been yielded.
         """
+        watch = self._watch = RunWatch(self.experiment)
+        for first, block in self._integrated():
+            sound = watch.sound(first, block)
+            if sound < len(block.x):
+                if sound:
+                    yield first, FrameBuffer(*(column[:sound] for column in block))
+                rest = FrameBuffer(*(column[sound:] for column in block))
+                raise watch.not_finite(first + sound, rest)
+            yield first, block
+        watch.close()
+
+    def closing_remarks(self) -> Iterator[str]:
+        """Yield what a reader of the result should know once all frames are there."""
+        if self._watch is not None:
+            yield from self._watch.remarks()
+
+    def _integrated(self) -> Iterator[tuple[int, FrameBuffer]]:
         # Compiled code is loaded when something runs, not when an experiment is built.
         if self.choice.name == "cuda":
             from openprc.demlat.backends.cuda_run import cuda_blocks  # noqa: PLC0415

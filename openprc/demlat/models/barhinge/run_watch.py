@@ -1,0 +1,252 @@
+"""What the frames of a run say about it: numbers, energies, folds and motions that went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from openprc.demlat.integrators import INTEGRATORS
+from openprc.demlat.models.barhinge.tables import FrameBuffer
+from openprc.errors import Diverged
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from openprc.schema.experiment import Experiment
+
+#: Share of the energy that moves back and forth from which on a gap in its balance is told.
+TOLD = 0.02
+#: Share of it that, when the scheme made it, leaves nothing of the motion.
+MADE = 0.5
+#: Smallest rms displacement [mean bar] that schemes which choose their steps measure errors by.
+QUIET = 1e-3
+#: Share of the length of a step's motion from which on the rounding of coordinates is told.
+COARSE = 1e-3
+#: Share of its rest length below which a bar has no direction worth the name.
+SHRUNK = 1e-3
+
+_SERIES = (
+    ("x", "a position"),
+    ("v", "a velocity"),
+    ("tension", "the force of a bar"),
+    ("moment", "the torque of a hinge"),
+    ("bend_moment", "the torque of a bend"),
+    ("energy", "an energy"),
+    ("ledger", "work or a loss"),
+)
+
+
+class RunWatch:
+    """Looks at every block of frames, and sums up what a reader of the result should know.
+
+    The balance of energy: kinetic and potential energy, less the work of actuators and plus what
+    dampers and contacts took, stay what they were at t = 0. What is missing was taken by the
+    scheme, what is too much was made by it; either is compared with what moves back and forth,
+    the largest kinetic energy or the range of the potential one.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.experiment = experiment
+        self._start = 0.0
+        self._gap = self._gap_at = 0.0
+        self._kinetic = self._size = 0.0
+        self._potential = (np.inf, -np.inf)
+        self._made_at: float | None = None
+        self._angles: NDArray[np.float64] | None = None
+        self._folded: dict[int, float] = {}
+        self._shrunk: tuple[float, int, float] = (np.inf, 0, 0.0)
+        self._moved = self._fast = self._far = 0.0
+        self._reference: NDArray[np.float64] | None = None
+
+    def sound(self, first: int, block: FrameBuffer) -> int:
+        """Look at a block; return how many of its frames, from the first, hold finite numbers."""
+        count = self._finite(block)
+        if count:
+            head = FrameBuffer(*(column[:count] for column in block))
+            self._weigh(first, head)
+            self._follow_hinges(first, head)
+            self._measure(first, head)
+        return count
+
+    def not_finite(self, first: int, block: FrameBuffer) -> Diverged:
+        """Return the error for the first frame of a block, which is not finite."""
+        what, place = next(
+            (words, np.argwhere(~np.isfinite(getattr(block, name)[0]))[0].tolist())
+            for name, words in _SERIES
+            if not np.isfinite(getattr(block, name)[0]).all()
+        )
+        time = first * self.experiment.save_interval
+        return Diverged(
+            f"{what} (number {place[0]}) is no finite number by t = {time:.6g} s",
+            expected="finite numbers",
+            fix="look there for a number too large for"
+            f" {self.experiment.precision}, or a bar of no length; frames before are in the"
+            " partial file",
+            key="simulation.dt",
+        )
+
+    def close(self) -> None:
+        """Refuse a finished run whose motion the scheme made.
+
+        Raises
+        ------
+        Diverged
+        """
+        if self._made_at is None or not self._gap > MADE * self._moving:
+            return
+        raise Diverged(
+            f"the integrator {self.experiment.integrator!r} made {self._gap:.3g} J of energy by"
+            f" t = {self._gap_at:.6g} s, {self._gap / self._moving:.2g} of what moves, more than"
+            f" half of it from t = {self._made_at:.6g} s on",
+            expected="energy that only actuators and gravity bring in",
+            fix=f"use a smaller dt than {self.experiment.dt:g} s, or an integrator that chooses its"
+            " step; all frames are in the partial file",
+            key="simulation.dt",
+        )
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what a reader of the finished run should know."""
+        yield from self._balance()
+        yield from self._turned_through()
+        yield from self._lost_in_rounding()
+        reach, bar, time = self._shrunk
+        if reach < SHRUNK:
+            yield (
+                f"bar {bar} was {reach:.2g} of its rest length long at t = {time:.6g} s: its"
+                " direction turns about at once there, which costs every scheme its order"
+            )
+
+    # --- energy -----------------------------------------------------------------------------
+
+    def _weigh(self, first: int, block: FrameBuffer) -> None:
+        with np.errstate(over="ignore"):
+            kinetic, potential = block.energy[:, 0], block.energy[:, 1:].sum(axis=1)
+            lost = block.ledger[:, 1:].sum(axis=1) - block.ledger[:, 0]
+            total = kinetic + potential + lost
+        if first == 0:
+            self._start = float(total[0])
+        gap = total - self._start
+        low, high = self._potential
+        self._kinetic = max(self._kinetic, float(kinetic.max()))
+        self._potential = min(low, float(potential.min())), max(high, float(potential.max()))
+        sizes = np.abs(block.energy).sum(axis=1) + np.abs(block.ledger).sum(axis=1)
+        self._size = max(self._size, float(sizes.max()))
+        worst = int(np.argmax(np.abs(gap)))
+        if abs(gap[worst]) > abs(self._gap):
+            self._gap = float(gap[worst])
+            self._gap_at = (first + worst) * self.experiment.save_interval
+        if self._made_at is None and self._gap > max(MADE * self._moving, self._rounding):
+            early = int(np.argmax(gap > MADE * self._moving))
+            self._made_at = (first + early) * self.experiment.save_interval
+
+    @property
+    def _moving(self) -> float:
+        """Energy that moves back and forth so far [J]."""
+        return max(self._kinetic, self._potential[1] - self._potential[0])
+
+    @property
+    def _rounding(self) -> float:
+        """What rounding may have done to the balance [J]."""
+        experiment = self.experiment
+        steps = experiment.steps_per_frame * experiment.n_frames
+        return float(np.finfo(experiment.precision).eps) * self._size * (100.0 + steps)
+
+    def _balance(self) -> Iterator[str]:
+        share = abs(self._gap) / self._moving if self._moving > 0.0 else 0.0
+        if share > TOLD and abs(self._gap) > self._rounding:
+            done = "took" if self._gap < 0.0 else "made"
+            yield (
+                f"the integrator {self.experiment.integrator!r} {done} {abs(self._gap):.3g} J of"
+                f" energy by t = {self._gap_at:.6g} s, {share:.2g} of what moves back and forth:"
+                " a smaller dt or tolerance keeps it"
+            )
+
+    # --- hinges -----------------------------------------------------------------------------
+
+    def _follow_hinges(self, first: int, block: FrameBuffer) -> None:
+        """Note hinges whose angle went through 0, from one frame to the next."""
+        if not block.angle.shape[1]:
+            return
+        angles = block.angle
+        if self._angles is not None:
+            angles = np.concatenate([self._angles[np.newaxis], angles])
+        frames, hinges = np.nonzero(np.abs(np.diff(angles, axis=0)) > np.pi)
+        offset = first + 1 - (self._angles is not None)
+        for frame, hinge in zip(frames.tolist(), hinges.tolist(), strict=True):
+            self._folded.setdefault(hinge, (offset + frame) * self.experiment.save_interval)
+        self._angles = angles[-1].copy()
+
+    def _turned_through(self) -> Iterator[str]:
+        if self._folded:
+            hinge = next(iter(self._folded))
+            yield (
+                f"{len(self._folded)} hinges folded shut and through themselves, the first of them"
+                f" hinge {hinge} by t = {self._folded[hinge]:.6g} s: its panels are inside each"
+                " other from then on; limits of the hinge (law 'enhanced-linear') keep them apart"
+            )
+
+    # --- motion -----------------------------------------------------------------------------
+
+    def _measure(self, first: int, block: FrameBuffer) -> None:
+        if self._reference is None:
+            self._reference = block.x[0].copy()
+        moved = block.x - self._reference
+        self._moved = max(self._moved, float(np.sqrt(np.mean(moved**2, axis=(1, 2)).max())))
+        self._fast = max(self._fast, float(np.abs(block.v).max()))
+        held = moved if self.experiment.precision == "float32" else block.x
+        self._far = max(self._far, float(np.abs(held).max()))
+        rest = self.experiment.geometry.bars.rest_length
+        if len(rest) and (rest > 0.0).any():
+            shares = block.length / np.where(rest > 0.0, rest, np.inf)
+            shares = np.where(rest > 0.0, shares, np.inf)
+            at = int(np.argmin(shares))
+            frame, bar = divmod(at, shares.shape[1])
+            if shares.flat[at] < self._shrunk[0]:
+                time = (first + frame) * self.experiment.save_interval
+                self._shrunk = float(shares.flat[at]), bar, time
+
+    def _lost_in_rounding(self) -> Iterator[str]:
+        experiment = self.experiment
+        eps = float(np.finfo(experiment.precision).eps)
+        adaptive = INTEGRATORS[experiment.integrator].step == "adaptive"
+        bars = experiment.geometry.bars.rest_length
+        size = float(bars.mean()) if len(bars) else 0.0
+        if adaptive and 0.0 < self._moved < QUIET * size:
+            tolerance = experiment.tolerance or 1e-6
+            share = tolerance * QUIET * size / self._moved
+            if share > tolerance:
+                yield (
+                    f"nodes moved {self._moved:.2g} m (rms) at most, less than {QUIET:g} of the"
+                    f" mean bar: {experiment.integrator!r} holds errors to the tolerance times"
+                    f" that, {share:.2g} of the motion in a step; lower the tolerance"
+                )
+        step = self._fast * experiment.dt
+        if not adaptive and step > 0.0 and eps * self._far > COARSE * step:
+            yield (
+                f"coordinates reach {self._far:.3g} m and are rounded to {eps * self._far:.2g} m,"
+                f" and nothing moves more than {step:.2g} m in a step of {experiment.dt:g} s:"
+                " motion is lost in rounding; take a larger dt, or move the body to the origin"
+            )
+
+    # --- numbers ----------------------------------------------------------------------------
+
+    @staticmethod
+    def _finite(block: FrameBuffer) -> int:
+        """Return how many frames, from the first, have only finite numbers."""
+        count = len(block.x)
+        for name, _ in _SERIES:
+            column = getattr(block, name)
+            with np.errstate(over="ignore", invalid="ignore"):
+                total = float(column.sum())
+            if np.isfinite(total):
+                continue
+            bad = ~np.isfinite(column.reshape(len(column), -1)).all(axis=1)
+            if bad.any():
+                count = min(count, int(np.argmax(bad)))
+        return count
