@@ -15,15 +15,17 @@ from openprc.hooks import run_experiment
 from openprc.schema import Trajectory
 from openprc.schema.experiment import Experiment, save_experiment
 
+Reals = NDArray[np.float64]
 
-def converged(build: Callable[[], Experiment], *, tolerance: float = 1e-12) -> Callable[[], NDArray[np.float64]]:
+
+def converged(build: Callable[[], Experiment], *, tolerance: float = 1e-12) -> Callable[[], Reals]:
     """Return a function that returns the frames of `dop853` at a tight tolerance: (T, N, 3) [m].
 
     It is run once, at the first call.
     """
 
     @cache
-    def frames() -> NDArray[np.float64]:
+    def frames() -> Reals:
         experiment = replace(
             build(), integrator="dop853", tolerance=tolerance, precision="float64"
         )

@@ -12,10 +12,13 @@ from pathlib import Path
 
 import fold_rows
 import linear_rows
+import motion_rows
+import rigid_rows
+import step_rows
 from cells import Cell, Extreme, run_cell
 from rich.console import Console
 
-PAGES = (linear_rows, fold_rows)
+PAGES = (linear_rows, fold_rows, step_rows, motion_rows, rigid_rows)
 
 
 def every_row() -> list[Extreme]:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
+
 from openprc.cli.console import console, printable, table
 
 if TYPE_CHECKING:
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 _FIGURES = {
     "narma2_nrmse": "NARMA2",
     "narma10_nrmse": "NARMA10",
+    "volterra2_nrmse": "Volterra",
     "memory_capacity": "memory",
     "ipc": "IPC",
 }
@@ -30,15 +33,25 @@ def show_report(report: Report, *, unit: str, factor: float, written: Sequence[P
         How many of it are a metre.
     """
     out = console()
+    if report.unit != "m":  # pixels, for instance, are no lengths to be converted
+        unit, factor = report.unit, 1.0
     figures = [key for key in _FIGURES if any(key in one.figures for one in report.scores.values())]
-    columns = ["run", f"rms [{unit}]", "of motion", f"largest [{unit}]", "at", "means"]
+    columns = [
+        "run",
+        escape(f"rms [{unit}]"),
+        "of motion",
+        escape(f"largest [{unit}]"),
+        "at",
+        "means",
+    ]
     if report.probes:
         columns.append("known figures")
     columns += [_FIGURES[key] for key in figures]
     if report.runs:
-        columns.append("CPU [s]")
+        columns.append(escape("CPU [s]"))
     rows = [_row(report, name, figures, factor=factor) for name in report.names]
-    out.print(table(columns, rows, title=f"{report.title}: {printable(report.what)}"))
+    out.print(table(columns, rows, title=escape(printable(report.title))))
+    out.print(printable(report.what), markup=False)
     for line in _lines(report):
         out.print(line, markup=False)
     for path in written:
@@ -88,7 +101,7 @@ def _lines(report: Report) -> Iterator[str]:
     for name, judged in report.divergences.items():
         yield f"{name}: {judged.text}"
         if judged.horizon is not None:
-            yield f"  up to then the rms difference is {judged.rms_before:.3g} m"
+            yield f"  up to then the rms difference is {judged.rms_before:.3g} {report.unit}"
     for name, results in report.probes.items():
         for one in results:
             if one.within:
@@ -104,14 +117,13 @@ def _lines(report: Report) -> Iterator[str]:
         for word, told in (("leaves out", run.leaves_out), ("adds", run.adds)):
             if told and run.status == "ok":
                 yield f"{run.name} {word}: {printable('; '.join(told))}"
-    reasons: dict[str, list[str]] = {}
+    reasons: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
     for name, scores in report.scores.items():
         for figure, why in scores.skipped.items():
-            reasons.setdefault(f"{_FIGURES.get(figure, figure)} not measured: {why}", []).append(
-                name
-            )
-    for why, names in reasons.items():
-        yield f"{', '.join(names)}: {printable(why)}"
+            names, figures = reasons.setdefault(why, ({}, {}))
+            names[name], figures[_FIGURES.get(figure, figure)] = None, None
+    for why, (names, figures) in reasons.items():
+        yield f"{', '.join(names)}: not scored on {', '.join(figures)}: {printable(why)}"
     for note in report.notes:
         yield f"note: {printable(note)}"
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     Reals = NDArray[np.float64]
 
+POSITIONS = "/time_series/nodes/positions"
+VELOCITIES = "/time_series/nodes/velocities"
 OBSERVED = "/time_series/nodes/observed"
 #: Code of a place that was filled in, not measured.
 FILLED = 2
@@ -54,18 +56,18 @@ class FrameReader:
         self._columns = (
             None if coordinates.columns == tuple(range(dims)) else list(coordinates.columns)
         )
-        self._velocities = velocities
+        self._path = VELOCITIES if velocities else POSITIONS
+        # Held open: finding it again for every block takes as long as reading the block.
+        self._data = trajectory._get(self._path)
         factor = coordinates.speed_factor if velocities else coordinates.factor
         self._factor = 1.0 if factor is None else factor
         self._masked = trajectory.has(OBSERVED) and not filled
+        #: Size of a frame as it is stored in float64.
+        self.row_bytes = n * dims * 8
+        #: Frames in a chunk as the writer makes them; only speed depends on it.
+        self.chunk_rows = max(1, CHUNK_BYTES // self.row_bytes)
         self._range = (0, 0)
         self._rows: Reals = np.empty((0, self.n_nodes, len(coordinates.columns)))
-
-    @property
-    def chunk_rows(self) -> int:
-        """Frames in a chunk as the writer makes them; only speed depends on it."""
-        row = self.trajectory.n_nodes * self.trajectory.dims * 8
-        return max(1, CHUNK_BYTES // row)
 
     def rows(self, start: int, stop: int) -> Reals:
         """Return frames [start, stop): (B, n, d), NaN where missing."""
@@ -94,8 +96,8 @@ class FrameReader:
         return np.stack([self.single(int(frame)) for frame in frames])
 
     def _read(self, start: int, stop: int) -> Reals:
-        source = self.trajectory.velocities if self._velocities else self.trajectory.positions
-        rows = source(slice(start, stop))
+        read = self.trajectory._read(self._path, self._data, slice(start, stop))
+        rows = read.astype("f8", copy=False)
         if self._masked:
             dropped = self.trajectory.observed(slice(start, stop)) == FILLED
             if dropped.any():

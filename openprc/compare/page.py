@@ -108,7 +108,7 @@ def _sections(report: Report) -> Iterator[str]:
             [name, judged.verdict, judged.text, judged.rms_before]
             for name, judged in report.divergences.items()
         ]
-        yield _table(["run", "verdict", "why", "rms up to then [m]"], rows)
+        yield _table(["run", "verdict", "why", f"rms up to then [{report.unit}]"], rows)
     if report.probes:
         yield "<h2>Known figures</h2>"
         yield _probes(report)
@@ -129,7 +129,15 @@ def _sections(report: Report) -> Iterator[str]:
 
 
 def _runs(report: Report) -> str:
-    columns = ["run", "what", "rms [m]", "of motion", "largest [m]", "where", "matched nodes"]
+    columns = [
+        "run",
+        "what",
+        f"rms [{report.unit}]",
+        "of motion",
+        f"largest [{report.unit}]",
+        "where",
+        "matched nodes",
+    ]
     if report.runs:
         columns += ["CPU [s]", "of it for two steps [s]"]
     rows = []

@@ -142,8 +142,7 @@ class PairedFrames:
             at = upto
 
     def _frames(self, side: SampledFile) -> int:
-        row = side.reader.trajectory.n_nodes * side.reader.trajectory.dims * 8
-        frames = max(1, self.block_bytes // row)
+        frames = max(1, self.block_bytes // side.reader.row_bytes)
         chunk = side.reader.chunk_rows
         return frames if frames < chunk else frames - frames % chunk
 

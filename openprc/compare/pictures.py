@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     Reals = NDArray[np.float64]
 
 _WIDTH = 8.0
-_SAMPLES = 2000
 #: More runs than this have error maps of the worst of them only.
 _MAPS = 4
 _TRACES = 3
@@ -69,7 +68,7 @@ def error_over_time(report: Report) -> Figure | None:
             xycoords=("axes fraction", "data"), textcoords="offset points",
             ha="right", va="bottom", fontsize=8, color="0.3",
         )  # fmt: skip
-    axes.set(xlabel=_clock_label(report), ylabel="rms difference [m]")
+    axes.set(xlabel=_clock_label(report), ylabel=f"rms difference [{report.unit}]")
     axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
@@ -78,32 +77,30 @@ def error_over_time(report: Report) -> Figure | None:
 def worst_traces(report: Report) -> Figure | None:
     """Draw, for the worst pairs, the worst node along the axis on which it differs most."""
     pairs = sorted(_pairs(report).items(), key=lambda item: -item[1].rms)[:_TRACES]
-    pairs = [item for item in pairs if item[1].rms > 0.0]
+    pairs = [item for item in pairs if item[1].rms > 0.0 and item[1].traces]
     if not pairs:
         return None
     colours = run_colours(report)
-    figure = new_figure((_WIDTH, 2.4 * len(pairs) + 0.4))
-    panels = figure.subplots(len(pairs), 1, squeeze=False)[:, 0]
-    for axes, (name, pair) in zip(panels, pairs, strict=True):
-        label = str(pair.node_labels[int(np.nanargmax(pair.node_rms))])
-        traces = {who: _trace(report.files[who], label) for who in (report.reference, name)}
-        if any(trace is None for trace in traces.values()):
+    columns = max(len(pair.traces) for _, pair in pairs)
+    figure = new_figure((_WIDTH, 2.5 * len(pairs) + 0.5))
+    grid = figure.subplots(len(pairs), columns, squeeze=False)
+    for row, (name, pair) in zip(grid, pairs, strict=True):
+        for axes in row[len(pair.traces) :]:
             axes.set_axis_off()
-            continue
-        axis = _axis_of_difference(*(trace for trace in traces.values() if trace is not None))
-        for who, trace in traces.items():
-            if trace is None:
-                continue
-            reference = who == report.reference
+        for axes, trace in zip(row, pair.traces, strict=False):
+            axis = int(np.nansum((trace.reference - trace.other) ** 2, axis=0).argmax())
             axes.plot(
-                trace[0], trace[1][:, axis], color=colours[who], lw=2.2 if reference else 1.1,
-                alpha=0.45 if reference else 1.0, label=who,
+                trace.times, trace.reference[:, axis], color="black", lw=2.4, alpha=0.4,
+                label=report.reference,
             )  # fmt: skip
-        axes.set(title=f"{name}, node {label}", ylabel=f"{'xyz'[axis]} [m]")
-        axes.title.set_fontsize(9)
-        axes.grid(alpha=0.3)
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-    panels[-1].set_xlabel(_clock_label(report))
+            axes.plot(trace.times, trace.other[:, axis], color=colours[name], lw=1.1, label=name)
+            part = "" if trace.kind == "whole" else ", around the largest difference"
+            axes.set_title(f"node {trace.node}{part}", fontsize=9)
+            axes.grid(alpha=0.3)
+            axes.set_ylabel(f"{'xyz'[axis]}, moved [{pair.unit}]")
+        row[0].legend(fontsize=8, loc="best")
+    for axes in grid[-1]:
+        axes.set_xlabel(_clock_label(report))
     return figure
 
 
@@ -115,7 +112,7 @@ def error_map(report: Report) -> Figure | None:
         return None
     with Trajectory(report.files[report.reference]) as run:
         places = run.positions(slice(0, 1))[0]
-        names = _labels(run)
+        names, stored = _labels(run), run.position_unit
         bars = run.indices("bars") if "bars" in run.element_kinds else np.empty((0, 2), int)
     across, up = _widest_axes(places)
     figure = new_figure((_WIDTH, 3.4 * (1 + (len(pairs) - 1) // 2)))
@@ -123,13 +120,22 @@ def error_map(report: Report) -> Figure | None:
     for axes in panels[len(pairs) :]:
         axes.set_axis_off()
     for axes, (name, pair) in zip(panels, pairs, strict=False):
-        _draw_map(axes, places[:, [across, up]], bars, _by_label(pair, names), figure=figure)
-        axes.set(title=name, xlabel=f"{'xyz'[across]} [m]", ylabel=f"{'xyz'[up]} [m]")
+        _draw_map(
+            axes,
+            places[:, [across, up]],
+            bars,
+            _by_label(pair, names),
+            figure=figure,
+            unit=pair.unit,
+        )
+        axes.set(title=name, xlabel=f"{'xyz'[across]} [{stored}]", ylabel=f"{'xyz'[up]} [{stored}]")
         axes.title.set_fontsize(9)
     return figure
 
 
-def _draw_map(axes: Axes, flat: Reals, bars: Any, errors: Reals, *, figure: Figure) -> None:
+def _draw_map(
+    axes: Axes, flat: Reals, bars: Any, errors: Reals, *, figure: Figure, unit: str
+) -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
 
@@ -141,7 +147,7 @@ def _draw_map(axes: Axes, flat: Reals, bars: Any, errors: Reals, *, figure: Figu
         *flat[known].T, c=errors[known], s=18, zorder=3, cmap="viridis",
         norm=LogNorm(max(low, high * 1e-4) if low < high else low / 2.0, high),
     )  # fmt: skip
-    figure.colorbar(shown, ax=axes, label="rms difference [m]")
+    figure.colorbar(shown, ax=axes, label=f"rms difference [{unit}]")
     spans = np.ptp(flat, axis=0)
     if spans.min() > 0.05 * spans.max():
         axes.set_aspect("equal", adjustable="datalim")
@@ -157,26 +163,6 @@ def _labels(run: Trajectory) -> list[str]:
 def _by_label(pair: PairComparison, names: list[str]) -> Reals:
     known = dict(zip((str(label) for label in pair.node_labels), pair.node_rms, strict=True))
     return np.array([known.get(name, np.nan) for name in names])
-
-
-def _trace(path: Any, label: str) -> tuple[Reals, Reals] | None:
-    """Return times and places of a node, thinned; None where the file does not name it."""
-    with Trajectory(path) as run:
-        names = _labels(run)
-        if label not in names:
-            return None
-        step = max(1, run.n_frames // _SAMPLES)
-        frames = slice(0, run.n_frames, step)
-        return run.time[frames], run.positions(frames, nodes=[names.index(label)])[:, 0]
-
-
-def _axis_of_difference(one: tuple[Reals, Reals], other: tuple[Reals, Reals]) -> int:
-    common = one[0][(one[0] >= other[0][0]) & (one[0] <= other[0][-1])]
-    sizes = []
-    for axis in range(min(one[1].shape[1], other[1].shape[1])):
-        parts = [np.interp(common, t, x[:, axis]) for t, x in (one, other)]
-        sizes.append(float(np.nansum((parts[0] - parts[1]) ** 2)))
-    return int(np.argmax(sizes))
 
 
 def _widest_axes(places: Reals) -> tuple[int, int]:

@@ -77,7 +77,7 @@ class Report:
         The scene, the experiment, or the files.
     what : str
         A sentence about the reference.
-    scale : float or None [m]
+    scale : float or None [`unit`]
         Of the motion; what 1 % is meant of.
     reference : str
         Name of the run that the others are compared with.
@@ -117,6 +117,12 @@ class Report:
         asked = [run.name for run in self.runs]
         return (*(name for name in self.files if name not in asked), *asked)
 
+    @property
+    def unit(self) -> str:
+        """Of all lengths that the comparison found: "m", or what the files agree on."""
+        pairs = () if self.comparison is None else self.comparison.pairs
+        return pairs[0].unit if pairs else "m"
+
     def run(self, name: str) -> ProducerRun | None:
         """Return what became of a request."""
         return next((run for run in self.runs if run.name == name), None)
@@ -149,7 +155,8 @@ class Report:
         told: dict[str, Any] = {
             "title": self.title,
             "what": self.what,
-            "scale_m": self.scale,
+            "scale": self.scale,
+            "unit": self.unit,
             "reference": self.reference,
             "files": {name: path.name for name, path in self.files.items()},
             "cost": COST_TEXT if self.runs else None,

@@ -237,14 +237,16 @@ def _compared(files: Mapping[str, Path], choices: Choices, *, progress: Progress
     from openprc.compare.comparison import compare_files  # noqa: PLC0415 - loads the compiler
 
     first, *others = files.values()
-    return compare_files(first, others, settings=choices.alignment, progress=progress)
+    return compare_files(
+        first, others, settings=choices.alignment, names=tuple(files), progress=progress
+    )
 
 
 def _scale_of(comparison: Comparison | None, files: Mapping[str, Path]) -> float | None:
-    """Return the rms displacement of the reference [m], as the comparison measured it."""
+    """Return the rms displacement of the reference, as the comparison measured it."""
     for pair in comparison.pairs if comparison is not None else ():
-        if pair.rms > 0.0 and pair.relative_rms is not None and pair.relative_rms > 0.0:
-            return float(pair.rms / pair.relative_rms)
+        if pair.errors.displacement > 0.0:
+            return float(pair.errors.displacement)
     size = _displacement(next(iter(files.values())))
     return size if size > 0.0 else None
 

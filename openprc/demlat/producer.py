@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,6 +12,7 @@ from openprc.demlat.backends.choose import choose_backend
 from openprc.demlat.models.barhinge.model import Backend, BarHingeModel
 from openprc.demlat.planning.model_differences import modelled
 from openprc.demlat.signal_table import sample_signal
+from openprc.demlat.stored_digits import SpreadSum, digits_remark
 from openprc.hooks.running import refuse_unsupported, silent
 from openprc.schema.experiment import ACTUATOR_UNITS
 from openprc.schema.geometry import Bars, Bends, Hinges
@@ -143,6 +144,8 @@ class DemlatProducer:
                 f"{experiment.integrator} took {effort['steps']} steps and rejected"
                 f" {effort['rejected']}, with {effort['evaluations']} evaluations of the forces"
             )
+        for remark in recorder.remarks():
+            writer.note(remark)
 
 
 class FrameRecorder:
@@ -155,6 +158,7 @@ class FrameRecorder:
         self.stored = experiment.stored
         self.dtype: Literal["f8", "f4"] = "f4" if self.stored.precision == "float32" else "f8"
         self.inputs = _inputs(experiment)
+        self.motion: dict[str, SpreadSum] = {}
         # The strain of a bar without a rest length is not defined.
         self.with_strain = bool((experiment.geometry.bars.rest_length > 0).all())
 
@@ -234,6 +238,10 @@ class FrameRecorder:
         """Append a block of frames of which the first has the number `first`."""
         times = (first + np.arange(len(block.x))) * self.experiment.save_interval
         geometry = self.experiment.geometry
+        if self.dtype == "f4":
+            self._watch("positions", block.x[..., : self.dims].reshape(len(block.x), -1))
+            if self.stored.elements and len(geometry.bars):
+                self._watch("lengths of the bars", block.length)
         elements: dict[tuple[str, str], NDArray[np.float64]] = {}
         if self.stored.elements and len(bars := geometry.bars):
             elements["bars", "length"] = block.length
@@ -266,6 +274,19 @@ class FrameRecorder:
                 for name, settings in self.inputs.items()
             },
         )
+
+    def _watch(self, what: str, values: NDArray[np.float64]) -> None:
+        self.motion.setdefault(what, SpreadSum(values[0])).add(values)
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what storing in float32 lost of the motion, once all frames are appended."""
+        strains = self.with_strain and self.stored.elements
+        for what, spread in self.motion.items():
+            finer = ", or read BarExtensions, which come from the strains"
+            remedy = finer if strains and what != "positions" else ""
+            remark = digits_remark(what, spread, remedy=remedy)
+            if remark is not None:
+                yield remark
 
 
 def _constants(elements: Bars | Hinges | Bends, **units: str) -> dict[str, tuple[Any, str | None]]:

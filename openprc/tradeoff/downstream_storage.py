@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from openprc.errors import MissingData, TaskError
+from openprc.errors import TaskError
+from openprc.reservoir.io.elements import in_single_precision
 from openprc.reservoir.readout.least_squares import LeastSquares
 from openprc.tradeoff.point import Point
 
@@ -97,37 +98,24 @@ def storage_points(rows: DownstreamRows) -> Iterator[Point]:
 def stored_series(rows: DownstreamRows) -> Iterator[StoredSeries]:
     """Yield the series of a run that are in double precision."""
     loader, trajectory = rows.loader, rows.loader.trajectory
-    whole = trajectory.has("/time_series/nodes/positions")
-    double = whole and trajectory.positions(slice(0, 1)).dtype == np.float64
-    kinds = trajectory.element_kinds
-    if "bars" in kinds:
-        recorded = "length" in trajectory.element_series("bars")
-        exact = trajectory.element("bars", "length").dtype == np.float64 if recorded else double
-        if exact:
-            lengths = loader.bar_lengths()
-            origin = _origin(lengths, loader.bar_extensions())
-            yield StoredSeries(whole="lengths", moved="extensions", values=lengths, origin=origin)
-    if double:
+    if "bars" in trajectory.element_kinds:
+        lengths = loader.bar_lengths()
+        if not in_single_precision(lengths):
+            rest = lengths[0] - loader.bar_extensions()[0]
+            yield StoredSeries(whole="lengths", moved="extensions", values=lengths, origin=rest)
+    if loader.n_nodes:
         positions = loader.positions().reshape(loader.n_frames, -1)
-        displacements = loader.displacements().reshape(loader.n_frames, -1)
-        yield StoredSeries(
-            whole="positions",
-            moved="displacements",
-            values=positions,
-            origin=_origin(positions, displacements),
-        )
+        if not in_single_precision(positions):
+            rest = positions[0] - loader.displacements()[0].ravel()
+            yield StoredSeries(
+                whole="positions", moved="displacements", values=positions, origin=rest
+            )
 
 
 def series_size(shape: tuple[int, ...], precision: Precision) -> int:
     """Return the bytes of a series (T, F) and of its times."""
     frames, columns = shape
     return frames * (columns * np.dtype(precision).itemsize + 8)
-
-
-def _origin(values: Reals, moved: Reals) -> Reals:
-    if not len(values):
-        raise MissingData("no frame", expected="frames", fix="run it again", key="/time_series")
-    return values[0] - moved[0]
 
 
 def _scores(rows: DownstreamRows, values: Reals) -> dict[str, float]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: Coordinates that are kept of a trial, at most.
 MOST_NUMBERS = 400_000
 #: Frames that are compared, if there are as many.
-MOST_FRAMES, LEAST_FRAMES = 240, 16
+MOST_FRAMES, LEAST_FRAMES = 600, 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Window:
     Attributes
     ----------
     duration : float [s]
-        At most that of the run.
+        At most about that of the run.
     interval : float [s]
         Between compared frames: a multiple or a whole part of the save interval.
     parts : int
@@ -54,10 +54,9 @@ def make_window(experiment: Experiment, *, wanted: float) -> Window:
     most = max(LEAST_FRAMES, min(MOST_FRAMES, MOST_NUMBERS // size))
     frames = min(whole, max(1, math.ceil(wanted / save * (1.0 - 1e-9))))
     if frames >= LEAST_FRAMES:
-        # Every few frames; the last ones that make no whole stride are left out.
+        # Every few frames; the last stride may end a little after the run.
         stride = max(1, math.ceil(frames / most))
-        count = whole // stride if frames == whole else math.ceil(frames / stride)
-        count = max(1, min(count, whole // stride))
+        count = math.ceil(frames / stride)
         return Window(
             duration=count * stride * save, interval=stride * save, parts=1, n_frames=count + 1
         )

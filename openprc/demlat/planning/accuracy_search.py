@@ -25,7 +25,8 @@ DEARER = 2.0
 CLEAR = 10.0
 #: By what the truth is refined: a tolerance, and a number of steps.
 TIGHTER, FINER = 1e-3, 4
-#: Tolerances, from the coarsest that is sensible to the finest that the truth is run with.
+#: Tolerances: none is looser than the accuracy or this, since what large steps do depends on
+#: where they happen to fall; and the finest that the truth is run with.
 LOOSEST, TIGHTEST = 1e-2, 1e-14
 #: Trials of one scheme.
 MOST_TRIALS = 9
@@ -151,6 +152,7 @@ class Search:
         self.pilot, self.truth = pilot, truth
         self.share, self.stability, self.unit = share, stability, unit
         self.aim = accuracy * (AIM if share <= 1.0 + 1e-9 else EXTRAPOLATED_AIM)
+        self.loosest = min(accuracy, LOOSEST)
         self.best = math.inf
 
     def follow(self, scheme: Eligible) -> Candidate:
@@ -216,7 +218,7 @@ class Search:
 
     def _first(self, scheme: Eligible) -> float:
         if scheme.adaptive:
-            return 1.0 / min(max(self.aim, self._finest(scheme)), LOOSEST)
+            return 1.0 / min(max(self.aim, self._finest(scheme)), self.loosest)
         frame = self.pilot.experiment.save_interval
         return float(self._whole(frame / scheme.coarsest * (1.0 - 1e-12)))
 
@@ -229,7 +231,7 @@ class Search:
             return scheme.cost(frames * n_steps, experiment.save_interval / n_steps)
         if scheme.scheme.name != truth.scheme.scheme.name:
             return 0.0
-        looser = (1.0 / LOOSEST / truth.trial.resolution) ** (1.0 / scheme.scheme.order)
+        looser = (1.0 / self.loosest / truth.trial.resolution) ** (1.0 / scheme.scheme.order)
         return truth.trial.cost * self.share * looser
 
     def _finest(self, scheme: Eligible) -> float:
@@ -264,7 +266,7 @@ class Search:
         wanted = resolution * (error / (0.8 * self.aim)) ** (1.0 / order) if error > 0.0 else 0.0
         if error <= self.aim:
             if error >= CLOSE * self.aim or resolution <= self._first(scheme):
-                loosest = scheme.adaptive and 1.0 / resolution < LOOSEST
+                loosest = scheme.adaptive and 1.0 / resolution < self.loosest
                 if error >= CLOSE * self.aim or not loosest:
                     return None
             # Coarser, but not where it is known to be too coarse.
@@ -286,7 +288,7 @@ class Search:
         self, scheme: Eligible, wanted: float, tried: list[tuple[float, float, Trial]]
     ) -> float | None:
         if scheme.adaptive:
-            wanted = min(max(wanted, 1.0 / LOOSEST), 1.0 / self._finest(scheme))
+            wanted = min(max(wanted, 1.0 / self.loosest), 1.0 / self._finest(scheme))
         else:
             wanted = max(float(self._whole(wanted)), self._first(scheme))
         return None if any(abs(r / wanted - 1.0) < 1e-6 for r, _, _ in tried) else wanted

@@ -104,7 +104,9 @@ class ElementStates(NodeMotion):
         """Return bar lengths less the rest lengths, (T, n) in the unit of the lengths.
 
         With ``rest``, and with ``auto`` where the file stores rest lengths, these are
-        subtracted; otherwise the lengths of the first frame.
+        subtracted; otherwise the lengths of the first frame. Where lengths are stored in
+        float32, stored strains times rest lengths say the same with all their digits: rounding
+        is then a fraction of the extension and not of the length.
 
         Raises
         ------
@@ -113,7 +115,30 @@ class ElementStates(NodeMotion):
             ``first`` when a bar was not measured in the first frame.
         """
         lengths, rest = self._lengths_and_rest(bars, origin)
-        return lengths - rest
+        extensions = lengths - rest
+        if self.resolve_bar_origin(origin) == "rest":
+            return self._with_digits_of_strains(bars, extensions, lengths=lengths, rest=rest)
+        return extensions
+
+    def _with_digits_of_strains(
+        self,
+        bars: Sequence[int] | None,
+        extensions: NDArray[np.float64],
+        *,
+        lengths: NDArray[np.float64],
+        rest: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return extensions from stored strains, where lengths were rounded and they agree."""
+        stored = self.trajectory.element_series("bars")
+        if not {"length", "strain"} <= set(stored) or not (rest > 0).all():
+            return extensions
+        if not in_single_precision(lengths):
+            return extensions
+        finer = self.element_series("bars", "strain", bars) * rest
+        # Another definition of strain would differ by more than the lengths are rounded by.
+        slack = 2.0 * np.spacing(np.abs(lengths).astype(np.float32))
+        agree = (np.abs(finer - extensions) <= slack) | np.isnan(extensions)
+        return finer if agree.all() else extensions
 
     def bar_strains(
         self, bars: Sequence[int] | None = None, *, origin: Origin = "auto"
@@ -211,6 +236,11 @@ class ElementStates(NodeMotion):
         nodes, column = np.unique(corners, return_inverse=True)
         positions = self.positions(nodes.tolist())
         return dihedral_angles(positions, column.reshape(corners.shape))
+
+
+def in_single_precision(values: NDArray[np.float64]) -> bool:
+    """Say whether values were stored in float32: all of them are numbers of that format."""
+    return bool(np.array_equal(values, values.astype(np.float32), equal_nan=True))
 
 
 def _singular(kind: str) -> str:
