@@ -27,7 +27,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -43,6 +43,7 @@ from openprc.compare.requests import read_requests
 from openprc.hooks.importing import import_file
 from openprc.scenes.cantilever import AREA, LENGTH, MODULUS
 from openprc.scenes.catalog import build_scene
+from openprc.scenes.hauser_network import network_input
 from openprc.schema.trajectory import Trajectory
 
 SEGMENTS, MASSES = (5, 10, 20), (1, 2, 5, 10)
@@ -151,15 +152,19 @@ def chain(folder: Path) -> Iterator[Row]:
 # --- Hauser's network -------------------------------------------------------------------------
 
 
-def readout_error(path: Path, target: Callable[[np.ndarray], np.ndarray]) -> float:
-    """Return the variance-normalised error of a linear readout of the extensions of all springs."""
+def readout_error(path: Path, target: np.ndarray) -> float:
+    """Return the variance-normalised error of a linear readout of the extensions of all springs.
+
+    Parameters
+    ----------
+    path : Path
+    target : (K,)
+    """
     with Trajectory(path) as run:
         ends, rest = run.indices("bars"), run.element_static("bars", "rest_length")
         x = run.positions()
-        u = run.input(run.inputs[0]) if len(run.inputs) == 1 else run.input("u1")
     states = np.linalg.norm(x[:, ends[:, 1]] - x[:, ends[:, 0]], axis=2) - rest
-    y = target(u.sequence)[:, 0]
-    rows = len(y)
+    y, rows = target, len(target)
     states = states[:rows]
     first, last = round(WASHOUT * rows), round((WASHOUT + TRAINED) * rows)
     train, test = slice(first, last), slice(last, rows)
@@ -173,17 +178,21 @@ def readout_error(path: Path, target: Callable[[np.ndarray], np.ndarray]) -> flo
     return float((wrong**2).mean() / aim[test].var())
 
 
-def hauser(folder: Path, *, steps: int) -> Iterator[Row]:
+def hauser(folder: Path, *, steps: int, fine: float) -> Iterator[Row]:
     """Yield the errors of readouts."""
-    for drive, task in (("volterra", VolterraTask()), ("narma", NarmaTask(10, any_range=True))):
+    for drive, task, amplitude in (
+        ("volterra", VolterraTask(), 0.2),
+        ("narma", NarmaTask(10, any_range=True), 0.1),
+    ):
         options = {"drive": drive, "n_steps": steps}
+        target = task.target(network_input(steps, amplitude=amplitude)).values[:, 0]
         found: dict[str, float] = {}
-        producers = "demlat:verlet,pybullet"
+        producers = f"demlat:rk4,pybullet:dt={fine:g}"
         for run in runs_of("hauser-network", options, producers, folder / f"hauser-{drive}"):
             if run.path is None:
                 yield missing(run, "hauser", drive, 1e-4)
                 continue
-            error = readout_error(run.path, lambda u, task=task: task.target(u).values)
+            error = readout_error(run.path, target)
             found[run.producer] = error
             same = run.producer == "demlat"
             yield Row(
@@ -254,6 +263,7 @@ def main() -> None:
     checks = ["cantilever", "chain", "hauser", "miura"]
     parser.add_argument("--only", nargs="+", choices=checks, default=checks)
     parser.add_argument("--hauser-steps", type=int, default=275_000)
+    parser.add_argument("--hauser-dt", type=float, default=1.25e-4, help="of PyBullet [s]")
     parser.add_argument("--merlin", nargs="+", type=Path, default=[], metavar="RUN.mat")
     parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args()
@@ -265,7 +275,9 @@ def main() -> None:
             found = {
                 "cantilever": lambda: cantilever(folder),
                 "chain": lambda: chain(folder),
-                "hauser": lambda: hauser(folder, steps=options.hauser_steps),
+                "hauser": lambda: hauser(
+                    folder, steps=options.hauser_steps, fine=options.hauser_dt
+                ),
                 "miura": lambda: miura(folder, options.merlin),
             }[check]()
             mine = list(found)

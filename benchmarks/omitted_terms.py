@@ -34,13 +34,14 @@ if __name__ == "__main__":
     # numba shows the instructions of nothing that it takes from its cache.
     os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="omitted-terms-")
 
+import numba
 import numpy as np
 from engine_scenes import MASS, SIDE, make_scene, to_experiment
 from rich.console import Console
 from rich.table import Table
 
 from openprc.demlat.integrators import INTEGRATORS, Settings
-from openprc.demlat.integrators.stepping import FixedControl, advance
+from openprc.demlat.integrators.stepping import FixedControl, advance, take_fixed_steps
 from openprc.demlat.models.barhinge.assembly import assemble
 from openprc.demlat.models.barhinge.tables import ENERGY_ROWS, LEDGER_STRIDE, FrameBuffer
 from openprc.schema.experiment import Actuator, Collision, Experiment, Signal
@@ -252,23 +253,11 @@ class Stepper:
 
 
 def _steps_only(scheme: Any, body: Any, state: Any, control: Any) -> None:
-    from openprc.demlat.integrators.stepping import take_fixed_steps
-
-    global _compiled  # noqa: PLW0603 - compiled once
-    if _compiled is None:
-        import numba
-
-        inner = numba.njit(error_model="numpy")(take_fixed_steps)
-
-        @numba.njit(error_model="numpy")
-        def steps(scheme: Any, body: Any, state: Any, control: Any) -> Any:
-            return inner(scheme, body, state, None, control, 0)
-
-        _compiled = steps
-    _compiled(scheme, body, state, control)
+    """Take the steps of one frame without saving it."""
+    _compiled_steps(scheme, body, state, None, control, 0)
 
 
-_compiled: Any = None
+_compiled_steps = numba.njit(error_model="numpy")(take_fixed_steps)
 
 
 def _instructions(signature: Any) -> int:
@@ -279,6 +268,7 @@ def _instructions(signature: Any) -> int:
 
 def measure(name: str, options: argparse.Namespace) -> dict[str, Any]:
     """Return what every term costs on one scene."""
+    progress = Console(stderr=True)
     found = pairs(full_scene(name))
     steppers: dict[int, Stepper] = {}
     kept = {}
@@ -286,6 +276,7 @@ def measure(name: str, options: argparse.Namespace) -> dict[str, Any]:
         for variant in both:
             key = (id(variant.experiment), variant.ledger)
             if key not in steppers:
+                progress.print(f"{name}: compiling loop {len(steppers) + 1}, for {term}")
                 steppers[key] = Stepper(variant, integrator=options.integrator, steps=options.steps)
         kept[term] = tuple((id(v.experiment), v.ledger) for v in both)
     times: dict[Any, list[float]] = {key: [] for key in steppers}
@@ -315,7 +306,7 @@ def measure(name: str, options: argparse.Namespace) -> dict[str, Any]:
 
 def show(result: dict[str, Any]) -> Table:
     """Return a table of one scene."""
-    nodes, bars, hinges = result["size"]
+    nodes, bars, _hinges = result["size"]
     title = f"{result['scene']}: {nodes:,} nodes, {bars:,} bars; times of a step"
     table = Table(title=title)
     for heading in ("omitted", "with [us]", "without [us]", "gain", "expected", "of it",

@@ -55,7 +55,7 @@ _POSITIVE = _Positive()
     help="What --target is an error of.",
 )
 @click.option(
-    "--longest", type=_POSITIVE, default=2.0, show_default=True, help="CPU time of one run [s]."
+    "--longest", type=_POSITIVE, default=5.0, show_default=True, help="CPU time of one run [s]."
 )
 @click.option("--budget", type=_POSITIVE, help="Time for all measurements [s].")
 @click.option(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     Reals = NDArray[np.float64]
 
-Verdict = Literal["agrees", "chaos", "differs", "grows"]
+Verdict = Literal["agrees", "chaos", "sensitive", "differs", "grows"]
 #: Runs that are further apart than this share of the scale are not said to agree.
 SHARE = 1e-2
 
@@ -34,10 +34,12 @@ class Divergence:
 
     Parameters
     ----------
-    verdict : {"agrees", "chaos", "differs", "grows"}
+    verdict : {"agrees", "chaos", "sensitive", "differs", "grows"}
         "agrees": below 1 % of the scale throughout; "chaos": above it after `horizon`, and twins
-        of one integrator part as fast; "differs": above it, and twins do not explain that;
-        "grows": above it, exponentially, and no twins were run to explain it.
+        of one integrator have parted exponentially, a hundredfold or more, by then; "sensitive":
+        they have parted as far, and not exponentially: a snap or an impact does that;
+        "differs": above it, and twins do not explain that; "grows": above it, exponentially, and
+        no twins were run to explain it.
     horizon : float or None [s]
         When the difference first is 1 % of the scale.
     expected_horizon : float or None [s]
@@ -111,6 +113,14 @@ def judge_difference(
             f"{after}: that is chaos, not a fault. Twins part at {growth.rate:.3g} +-"
             f" {growth.uncertainty:.1g} 1/s, {factor:.2g} times by then, so the runs are as far"
             f" apart as if they had begun {like:.1g} of the scale apart",
+            like_start=like,
+        )
+    if growth is not None and factor >= TOLD_APART:
+        return judged(
+            "sensitive",
+            f"{after}: twins of one integrator part {factor:.2g} times by then as well, though not"
+            f" exponentially, so the runs are as far apart as if they had begun {like:.1g} of the"
+            " scale apart",
             like_start=like,
         )
     why = (

@@ -195,8 +195,8 @@ def _recorded(trajectory: Trajectory, words: tuple[str, ...]) -> Recorded:
     if what == "node":
         return _of_node(trajectory, name, column)
     if what == "input":
-        key = f"/inputs/{name}/value"
         signal = trajectory.input(name or None)
+        key = f"/inputs/{signal.name}/value"
         table, columns, unit = signal.value, signal.columns, signal.unit
     else:
         key = f"/time_series/channels/{name}"

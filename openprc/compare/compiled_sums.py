@@ -135,21 +135,52 @@ def add_frames(x, y, origin, first, width, node, bins, record):
             node[1] = 0.0
 
 
+@loose_kernel
+def _whole_moments(x, y, a, b, sums, cross):
+    """Add points in three dimensions, all of them there."""
+    x0 = x1 = x2 = y0 = y1 = y2 = xx = yy = 0.0
+    c00 = c01 = c02 = c10 = c11 = c12 = c20 = c21 = c22 = 0.0
+    for i in range(x.shape[0] // 3):
+        p, q, r = x[3 * i] - a[0], x[3 * i + 1] - a[1], x[3 * i + 2] - a[2]
+        u, v, w = y[3 * i] - b[0], y[3 * i + 1] - b[1], y[3 * i + 2] - b[2]
+        x0, x1, x2 = x0 + p, x1 + q, x2 + r
+        y0, y1, y2 = y0 + u, y1 + v, y2 + w
+        xx += p * p + q * q + r * r
+        yy += u * u + v * v + w * w
+        c00, c01, c02 = c00 + p * u, c01 + p * v, c02 + p * w
+        c10, c11, c12 = c10 + q * u, c11 + q * v, c12 + q * w
+        c20, c21, c22 = c20 + r * u, c21 + r * v, c22 + r * w
+    sums[:8] = x0, x1, x2, y0, y1, y2, xx, yy
+    cross[0] = c00, c01, c02
+    cross[1] = c10, c11, c12
+    cross[2] = c20, c21, c22
+
+
 @kernel
-def add_moments(x, y, sums, cross):
+def add_moments(x, y, origins, sums, cross):
     """Add pairs of points to the moments that a rigid motion is found from.
 
     Parameters
     ----------
     x, y : (B, n, d)
         NaN where missing.
+    origins : (2, d)
+        What x and y are counted from: far from it products lose the digits of the shape.
     sums : (2 d + 3,)
         Sum of x, sum of y, sum of |x|^2, sum of |y|^2, number of pairs.
     cross : (d, d)
         Sum of x_a y_b.
     """
     d = x.shape[2]
+    part, corner = np.zeros(2 * d + 3), np.zeros((d, d))
     for b in range(x.shape[0]):
+        if d == 3:
+            _whole_moments(x[b].reshape(-1), y[b].reshape(-1), origins[0], origins[1], part, corner)
+            if np.isfinite(part[6] + part[7]):
+                part[8] = x.shape[1]
+                sums += part
+                cross += corner
+                continue
         for i in range(x.shape[1]):
             known = 0.0
             for k in range(d):
@@ -157,13 +188,38 @@ def add_moments(x, y, sums, cross):
             if np.isnan(known):
                 continue
             for k in range(d):
-                sums[k] += x[b, i, k]
-                sums[d + k] += y[b, i, k]
-                sums[2 * d] += x[b, i, k] ** 2
-                sums[2 * d + 1] += y[b, i, k] ** 2
+                p, q = x[b, i, k] - origins[0, k], y[b, i, k] - origins[1, k]
+                sums[k] += p
+                sums[d + k] += q
+                sums[2 * d] += p * p
+                sums[2 * d + 1] += q * q
                 for m in range(d):
-                    cross[k, m] += x[b, i, k] * y[b, i, m]
+                    cross[k, m] += p * (y[b, i, m] - origins[1, m])
             sums[2 * d + 2] += 1.0
+
+
+@loose_kernel
+def centre_columns(rows, window):
+    """Subtract the mean of every row and multiply by the window: (C, L) and (L,)."""
+    length = rows.shape[1]
+    for c in range(rows.shape[0]):
+        total = 0.0
+        for k in range(length):
+            total += rows[c, k]
+        mean = total / length
+        for k in range(length):
+            rows[c, k] = (rows[c, k] - mean) * window[k]
+
+
+@loose_kernel
+def add_powers(a, b, powers, cross):
+    """Add ``|a|^2``, ``|b|^2`` and ``conj(a) b``: all (C, F)."""
+    for c in range(a.shape[0]):
+        for f in range(a.shape[1]):
+            p, q, r, s = a[c, f].real, a[c, f].imag, b[c, f].real, b[c, f].imag
+            powers[0, c, f] += p * p + q * q
+            powers[1, c, f] += r * r + s * s
+            cross[c, f] += complex(p * r + q * s, p * s - q * r)
 
 
 @kernel

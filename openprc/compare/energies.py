@@ -32,7 +32,8 @@ class EnergyDrift:
     ----------
     of : str
         What should stay: "total_energy", or that less the work done on the body and plus what
-        it dissipated, where both are stored.
+        it dissipated, where both are stored. Where a body is driven and they are not, its
+        energy need not stay, and this says so.
     first, last : float [J]
     largest : float [J]
         Largest deviation from the first value.
@@ -135,7 +136,11 @@ def pair_energies(
                     tuple(computed) if name == "kinetic_energy" else (),
                 )
             )
-    return PairEnergies(_drift(stored[0]), _drift(stored[1]), tuple(differences))
+    return PairEnergies(
+        _drift(stored[0], driven=bool(reference.inputs)),
+        _drift(stored[1], driven=bool(other.inputs)),
+        tuple(differences),
+    )
 
 
 def _stored(trajectory: Trajectory) -> dict[str, Reals]:
@@ -152,13 +157,15 @@ def _stored(trajectory: Trajectory) -> dict[str, Reals]:
     return found
 
 
-def _drift(energies: dict[str, Reals]) -> EnergyDrift | None:
+def _drift(energies: dict[str, Reals], *, driven: bool) -> EnergyDrift | None:
     if "total_energy" not in energies:
         return None
     kept, of = energies["total_energy"], "total_energy"
     if "work_in" in energies and "dissipated" in energies:
         kept = kept - energies["work_in"] + energies["dissipated"]
         of = "total_energy - work_in + dissipated"
+    elif driven:
+        of = "total_energy of a driven body"
     kinetic = energies.get("kinetic_energy")
     scale = 0.0 if kinetic is None else float(kinetic.max())
     scale = scale or float(np.abs(energies["total_energy"]).max())

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.compare.coordinates import POSITIONS, VELOCITIES
 from openprc.schema.streams import CHUNK_BYTES
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
     Reals = NDArray[np.float64]
 
-POSITIONS = "/time_series/nodes/positions"
-VELOCITIES = "/time_series/nodes/velocities"
 OBSERVED = "/time_series/nodes/observed"
 #: Code of a place that was filled in, not measured.
 FILLED = 2
@@ -59,6 +58,10 @@ class FrameReader:
         self._path = VELOCITIES if velocities else POSITIONS
         # Held open: finding it again for every block takes as long as reading the block.
         self._data = trajectory._get(self._path)
+        if len(self._data) < trajectory.n_frames:
+            raise trajectory._broken(
+                self._path, f"shape {self._data.shape}", f"{trajectory.n_frames} rows, one a frame"
+            )
         factor = coordinates.speed_factor if velocities else coordinates.factor
         self._factor = 1.0 if factor is None else factor
         self._masked = trajectory.has(OBSERVED) and not filled

@@ -21,6 +21,8 @@ TOLD_APART = 100.0
 LINEAR = 1e-2
 _BLOCKS = 24
 _PARTS = 4
+#: Quarters in which it has to rise: a single burst, as of a snap or an impact, is no law of growth.
+_STEADY = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +33,9 @@ class Growth:
     ----------
     kind : {"exponential", "algebraic", "bounded", "decaying"}
         "exponential" where a straight line through the logarithm fits better than
-        ``a (1 + b t^p)`` with p = 1 or 2, over two decades at least; "algebraic" where it grew
-        tenfold or more, and not so; "decaying" where a tenth or less is left at the end.
+        ``a (1 + b t^p)`` with p = 1 or 2, over two decades at least, and rises in half of its
+        quarters or more; "algebraic" where it grew tenfold or more, and not so; "decaying" where
+        a tenth or less is left at the end.
     rate, uncertainty : float [1/s]
         Slope of the logarithm over `window`, and the standard error from the scatter of the
         slopes of its quarters.
@@ -102,7 +105,7 @@ def measure_growth(times: ArrayLike, differences: ArrayLike) -> Growth | None:
         kind = "bounded"
     elif (
         factor >= TOLD_APART
-        and slope > 3.0 * uncertainty
+        and _rising_quarters(centres, heights, slope) >= _STEADY
         and all(line < _misfit_of_power(centres, heights, p) for p in (1, 2))
     ):
         kind = "exponential"
@@ -132,12 +135,21 @@ def _blocks(t: Reals, d: Reals) -> tuple[Reals, Reals]:
     return centres, heights
 
 
-def _scatter(centres: Reals, heights: Reals) -> float:
-    """Return the standard error of the slope, from the slopes of quarters."""
+def _slopes(centres: Reals, heights: Reals) -> list[float]:
+    """Return the slopes of quarters."""
     parts = zip(
         np.array_split(centres, _PARTS), np.array_split(heights, _PARTS), strict=True
     )  # neighbouring stretches are not independent: residuals of one fit would say too little
-    slopes = [np.polyfit(x, y, 1)[0] for x, y in parts if len(x) > 1]
+    return [float(np.polyfit(x, y, 1)[0]) for x, y in parts if len(x) > 1]
+
+
+def _rising_quarters(centres: Reals, heights: Reals, slope: float) -> int:
+    return sum(part > 0.25 * slope > 0.0 for part in _slopes(centres, heights))
+
+
+def _scatter(centres: Reals, heights: Reals) -> float:
+    """Return the standard error of the slope."""
+    slopes = _slopes(centres, heights)
     return float(np.std(slopes, ddof=1) / np.sqrt(len(slopes))) if len(slopes) > 1 else np.inf
 
 

@@ -86,6 +86,31 @@ def _hermite(clock: Reals, instants: Reals, first: NDArray[np.int64]) -> Weights
     return Weights(first, places, velocities)
 
 
+def error_profile(clock: Reals, instants: Reals, *, name: Name) -> Reals:
+    """Return how the error of an interpolant at each instant compares with that midway: (P,).
+
+    The leading term of the error is a polynomial with its zeros at the frames, twofold ones for
+    Hermite's (Davis 1975, "Interpolation and Approximation", theorem 3.5.1).
+
+    Parameters
+    ----------
+    clock : (T,)
+    instants : (P,)
+    """
+    if len(clock) < 2:
+        return np.ones(len(instants))
+    below = np.clip(np.searchsorted(clock, instants, side="right") - 1, 0, len(clock) - 2)
+    s = (instants - clock[below]) / (clock[below + 1] - clock[below])
+    s = np.clip(s, 0.0, 1.0)
+    if name == "nearest":
+        return 2.0 * np.minimum(s, 1.0 - s)
+    if name == "linear":
+        return 4.0 * s * (1.0 - s)
+    if name == "hermite":
+        return (4.0 * s * (1.0 - s)) ** 2
+    return s * (1.0 - s) * (1.0 + s) * (2.0 - s) * (16.0 / 9.0)
+
+
 def sum_frames(
     weights: Weights, places: Reals, velocities: Reals | None = None, *, offset: int = 0
 ) -> Reals:
@@ -108,4 +133,13 @@ def sum_frames(
     return out.reshape(-1, *shape)
 
 
-__all__ = ["ORDERS", "TEXTS", "WIDTHS", "Name", "Weights", "sum_frames", "weights_at"]
+__all__ = [
+    "ORDERS",
+    "TEXTS",
+    "WIDTHS",
+    "Name",
+    "Weights",
+    "error_profile",
+    "sum_frames",
+    "weights_at",
+]

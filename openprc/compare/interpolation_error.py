@@ -8,20 +8,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.compare.interpolants import ORDERS, TEXTS, WIDTHS, Name, sum_frames, weights_at
+from openprc.compare.interpolants import (
+    ORDERS,
+    TEXTS,
+    WIDTHS,
+    Name,
+    error_profile,
+    sum_frames,
+    weights_at,
+)
 from openprc.errors import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from openprc.compare.common_clock import Sampling
     from openprc.compare.frame_reading import FrameReader
 
     Reals = NDArray[np.float64]
 
 #: Stretches of the file that are looked at, and frames in each.
 STRETCHES, STRETCH = 40, 33
-#: The Hermite polynomial is taken unless it is worse than the cubic one by more than this.
-WORSE = 2.0
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,8 @@ class InterpolationError:
     ----------
     interpolant : {"nearest", "linear", "cubic", "hermite"}
     rms, largest : float or None [unit of the comparison]
-        Estimates for the middle between frames; None where there are too few frames to tell.
+        Estimates for the instants of the comparison, which may lie close to frames; None where
+        there are too few frames to tell.
     order : float or None
         With which power of the step the error falls, as seen.
     halved_rms : float or None
@@ -65,17 +73,18 @@ class InterpolationError:
 
 
 def choose_interpolant(
-    clock: Reals, places: FrameReader, speeds: FrameReader | None, *, wanted: str
+    sampling: Sampling, places: FrameReader, speeds: FrameReader | None, *, wanted: str
 ) -> InterpolationError:
     """Choose how a file is interpolated, and estimate the error of that.
 
     Every second frame of some stretches is predicted from the others. What this is wrong by
     falls with the step as the same with every fourth frame shows, though no faster than the
-    order of the polynomial.
+    order of the polynomial; and between frames as the polynomial's remainder does.
 
     Parameters
     ----------
-    clock : (T,)
+    sampling : Sampling
+        With instants between frames.
     places, speeds : FrameReader
         `speeds` is None where there are no velocities.
     wanted : {"auto", "nearest", "linear", "cubic", "hermite"}
@@ -95,7 +104,7 @@ def choose_interpolant(
             file=path,
             key="interpolant",
         )
-    n = len(clock)
+    n = len(sampling.clock)
     if wanted != "auto" and n < WIDTHS[wanted]:
         raise ConfigError(
             f"the interpolant is {wanted}, and there are {n} frames",
@@ -105,29 +114,27 @@ def choose_interpolant(
             key="interpolant",
         )
     if n == 1:
-        return _estimate(clock, [], "nearest")
+        return _estimate(sampling, [], "nearest")
     stretches = _stretches(places, speeds, n)
     if wanted == "auto":
         if n < WIDTHS["cubic"]:
-            return _estimate(clock, stretches, "linear" if speeds is None else "hermite")
-        cubic = _estimate(clock, stretches, "cubic")
+            return _estimate(sampling, stretches, "linear" if speeds is None else "hermite")
+        cubic = _estimate(sampling, stretches, "cubic")
         if speeds is None:
             return cubic
-        hermite = _estimate(clock, stretches, "hermite")
-        if cubic.halved_rms is None or hermite.halved_rms is None:
-            return hermite
-        if hermite.halved_rms <= WORSE * cubic.halved_rms:
+        hermite = _estimate(sampling, stretches, "hermite")
+        if cubic.rms is None or hermite.rms is None or hermite.rms <= cubic.rms:
             return hermite
         note = (
-            f"{path.name}: its velocities do not predict its places (left-out frames are wrong by"
-            f" {hermite.halved_rms:.2g} with them and by {cubic.halved_rms:.2g} without), so they"
-            " are not used to interpolate"
+            f"{path.name}: its velocities do not predict its places as well as these do themselves"
+            f" (errors of about {hermite.rms:.2g} and {cubic.rms:.2g}), so they are not used to"
+            " interpolate"
         )
         return InterpolationError(
             "cubic", cubic.rms, cubic.largest, cubic.order, cubic.halved_rms, (note,)
         )
     name: Name = wanted  # type: ignore[assignment]
-    return _estimate(clock, stretches, name)
+    return _estimate(sampling, stretches, name)
 
 
 Stretch = tuple[int, "Reals", "Reals | None"]
@@ -144,16 +151,19 @@ def _stretches(places: FrameReader, speeds: FrameReader | None, n: int) -> list[
     return found
 
 
-def _estimate(clock: Reals, stretches: Sequence[Stretch], name: Name) -> InterpolationError:
+def _estimate(sampling: Sampling, stretches: Sequence[Stretch], name: Name) -> InterpolationError:
+    clock = sampling.clock
     half, quarter = (_left_out(clock, stretches, name, step) for step in (2, 4))
-    if half is None:
+    if half is None or sampling.instants is None:
         return InterpolationError(name, None, None, None, None)
     order: float | None = None
     power = float(ORDERS[name])
     if quarter is not None and half[0] > 0 and quarter[0] > 0:
         order = float(np.log2(quarter[0] / half[0]))
         power = min(power, max(0.0, order))
-    return InterpolationError(name, half[0] / 2**power, half[1] / 2**power, order, half[0])
+    profile = error_profile(clock, sampling.instants, name=name)
+    share = float(np.sqrt(np.mean(profile**2))) / 2**power, float(profile.max()) / 2**power
+    return InterpolationError(name, half[0] * share[0], half[1] * share[1], order, half[0])
 
 
 def _left_out(
@@ -173,6 +183,9 @@ def _left_out(
             None if velocities is None else np.ascontiguousarray(velocities[:length:step]),
         )
         squares = ((predicted - places[step // 2 : length : step]) ** 2).sum(axis=2)
+        if name == "cubic" and len(squares) > 2:
+            # At its ends a stretch has frames on one side only, which the file seldom has.
+            squares = squares[1:-1]
         squares = squares[np.isfinite(squares)]
         if squares.size:
             total += float(squares.sum())

@@ -65,7 +65,7 @@ _PICTURES = (
     (
         pictures.error_map,
         "Difference on the body",
-        "Places of the reference in its first frame; open circles do not differ.",
+        "Places of the reference when the difference is largest; open circles do not differ.",
     ),
     (spectrum_curves, "Spectra", "Summed over nodes and axes."),
     (energy_curves, "Energy", "As the runs recorded it."),

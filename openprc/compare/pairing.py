@@ -10,17 +10,15 @@ from openprc.compare.clocks import ClockPair, clock_pair
 from openprc.compare.common_clock import CommonClock, common_clock
 from openprc.compare.coordinates import CommonSpace, Coordinates, common_space
 from openprc.compare.drives import compare_drives
-from openprc.compare.element_errors import ElementSums
 from openprc.compare.energies import pair_energies
-from openprc.compare.error_norms import ErrorSums
-from openprc.compare.example_traces import Overview, worst_traces
+from openprc.compare.example_traces import worst_traces
 from openprc.compare.frame_reading import FrameReader
 from openprc.compare.interpolation_error import InterpolationError, choose_interpolant
 from openprc.compare.node_matching import NodeMatch, match_nodes
 from openprc.compare.pair_comparison import PairComparison
+from openprc.compare.pair_sums import PairSums, speed_reader
 from openprc.compare.paired_frames import PairedFrames, SampledFile, refuse_too_large
 from openprc.compare.rigid_motion import RigidMotion, fit_rigid_motion
-from openprc.compare.spectra import NODES, Spectra, SpectraSums
 from openprc.compare.time_shift import TimeShift, estimate_shift
 from openprc.errors import MissingData
 from openprc.schema import units
@@ -98,7 +96,7 @@ def compare_pair(
     drive = compare_drives(reference, other, clock)
     if drive.verdict in ("different", "scaled", "missing"):
         notes.append(f"drive: {drive.text}")
-    found = _Sums(reference, pair, match, space, clocks, settings)
+    found = PairSums(reference, pair, match, space, clocks, settings)
     found.read(progress, name)
     errors = found.errors.result()
     refuse_too_large(errors.rms, pair)
@@ -213,8 +211,8 @@ def _paired(
         if sampling.exact:
             files.append(SampledFile(places, sampling))
             continue
-        speeds = _speeds(trajectory, coordinates, nodes, clocks, settings)
-        told = choose_interpolant(sampling.clock, places, speeds, wanted=settings.interpolant)
+        speeds = speed_reader(trajectory, coordinates, nodes, clocks, settings)
+        told = choose_interpolant(sampling, places, speeds, wanted=settings.interpolant)
         files.append(
             SampledFile(
                 places, sampling, told.interpolant,
@@ -223,20 +221,6 @@ def _paired(
         )  # fmt: skip
     pair = PairedFrames(clock, files[0], files[1], block_bytes=settings.block_bytes)
     return pair, told
-
-
-def _speeds(
-    trajectory: Trajectory,
-    coordinates: Coordinates,
-    nodes: NDArray[np.integer],
-    clocks: ClockPair,
-    settings: AlignmentSettings,
-) -> FrameReader | None:
-    if coordinates.speed_factor is None or clocks.kind != "time":
-        return None
-    return FrameReader(
-        trajectory, coordinates, nodes=nodes, filled=settings.filled, velocities=True
-    )
 
 
 def _motion(
@@ -268,103 +252,6 @@ def _offset(pair: PairedFrames) -> Reals:
             key="quantity",
         )
     return apart
-
-
-class _Sums:
-    """All that is gathered while both files go by once."""
-
-    def __init__(
-        self,
-        reference: Trajectory,
-        pair: PairedFrames,
-        match: NodeMatch,
-        space: CommonSpace,
-        clocks: ClockPair,
-        settings: AlignmentSettings,
-    ) -> None:
-        self.pair = pair
-        self.notes: list[str] = []
-        self.errors = ErrorSums(len(pair), pair.n_nodes, settings.bins)
-        self.overview = Overview(pair)
-        self.elements = (
-            ElementSums(reference, match, dims=pair.dims, unit=space.unit)
-            if settings.elements
-            else None
-        )
-        self.velocities: ErrorSums | None = None
-        self._speeds = self._velocity_pair(settings, clocks) if settings.velocities else None
-        if self._speeds is not None:
-            self.velocities = ErrorSums(len(pair), pair.n_nodes, settings.bins)
-        self._spectra = self._spectra_sums(clocks, settings) if settings.spectra else None
-
-    def read(self, progress: Progress, name: str) -> None:
-        """Go through all common instants."""
-        for first, x, y in self.pair.blocks():
-            self.errors.add(first, x, y)
-            self.overview.add(first, x, y)
-            if self.elements is not None:
-                self.elements.add(x, y)
-            if self._spectra is not None:
-                self._spectra.add(first, x, y)
-            if self._speeds is not None and self.velocities is not None:
-                u, v = self._speeds.rows(first, first + len(x))
-                if self.pair.motion is not None:
-                    v = np.ascontiguousarray(self.pair.motion.turn(v))
-                self.velocities.add(first, u, v)
-            progress((first + len(x)) / len(self.pair), f"{name}: {first + len(x)} instants")
-
-    def spectrum(self, labels: tuple[str, ...]) -> Spectra | None:
-        """Return the spectra where there are any; say why not otherwise."""
-        if self._spectra is None:
-            return None
-        found = self._spectra.result(labels)
-        if isinstance(found, str):
-            self.notes.append(found)
-            return None
-        self.notes += found.notes
-        return found
-
-    def _velocity_pair(self, settings: AlignmentSettings, clocks: ClockPair) -> PairedFrames | None:
-        sides = []
-        for file in (self.pair.reference, self.pair.other):
-            reader = file.reader
-            nodes = np.arange(reader.n_nodes) if reader.nodes is None else reader.nodes
-            speeds = _speeds(reader.trajectory, reader.coordinates, nodes, clocks, settings)
-            if speeds is None:
-                self.notes.append(
-                    f"velocities are not compared: {reader.trajectory.path.name} has none that"
-                    " belong to its clock and unit"
-                )
-                return None
-            sides.append(SampledFile(speeds, file.sampling, _order_kept(file)))
-        return PairedFrames(self.pair.clock, sides[0], sides[1], block_bytes=settings.block_bytes)
-
-    def _spectra_sums(self, clocks: ClockPair, settings: AlignmentSettings) -> SpectraSums | None:
-        step = self.pair.clock.step
-        if clocks.kind != "time" or step is None or len(self.pair) < 8:
-            why = (
-                "the clock is not time"
-                if clocks.kind != "time"
-                else "the instants are not evenly spaced"
-                if step is None and len(self.pair) >= 8
-                else "there are fewer than 8 instants"
-            )
-            self.notes.append(f"no spectra: {why}")
-            return None
-        seconds = step * units.unit(clocks.unit).si_factor
-        probes = np.unique(np.linspace(0, len(self.pair) - 1, 32).round().astype(int))
-        seen = np.stack([self.pair.reference.rows(int(k), int(k) + 1)[0] for k in probes])
-        with np.errstate(invalid="ignore"):
-            spread = np.nan_to_num(np.ptp(seen, axis=0)).sum(axis=1)
-        nodes = np.sort(np.argsort(spread, kind="stable")[::-1][:NODES])
-        return SpectraSums(len(self.pair), seconds, nodes, self.pair.dims, settings.segment)
-
-
-def _order_kept(file: SampledFile):  # noqa: ANN202 - a name of an interpolant
-    """Velocities have no derivative of their own: the cubic takes the Hermite's place."""
-    if file.interpolant != "hermite":
-        return file.interpolant
-    return "cubic" if len(file.sampling.clock) >= 4 else "linear"
 
 
 def _middles(times: Reals, width: int) -> Reals:

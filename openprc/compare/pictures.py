@@ -111,7 +111,8 @@ def error_map(report: Report) -> Figure | None:
     if not pairs:
         return None
     with Trajectory(report.files[report.reference]) as run:
-        places = run.positions(slice(0, 1))[0]
+        at = int(np.abs(run.time - pairs[0][1].largest_time).argmin())
+        places = run.positions(slice(at, at + 1))[0]
         names, stored = _labels(run), run.position_unit
         bars = run.indices("bars") if "bars" in run.element_kinds else np.empty((0, 2), int)
     across, up = _widest_axes(places)
@@ -148,10 +149,14 @@ def _draw_map(
         norm=LogNorm(max(low, high * 1e-4) if low < high else low / 2.0, high),
     )  # fmt: skip
     figure.colorbar(shown, ax=axes, label=f"rms difference [{unit}]")
-    spans = np.ptp(flat, axis=0)
+    spans, middle = np.ptp(flat, axis=0), 0.5 * (flat.max(axis=0) + flat.min(axis=0))
     if spans.min() > 0.05 * spans.max():
+        axes.margins(0.08)
         axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.08)
+        return
+    half = 0.58 * np.maximum(spans, 0.2 * (spans.max() or 1.0))
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
 
 
 def _labels(run: Trajectory) -> list[str]:

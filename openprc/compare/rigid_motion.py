@@ -31,7 +31,7 @@ class RigidMotion:
     scale : float
     reflected : bool
     rms : float
-        What is left, over the points that it was found from.
+        What is left over the points that it was found from, to half of the digits.
     notes : tuple of str
     """
 
@@ -107,10 +107,9 @@ def fit_rigid_motion(
     for x, y in pairs:
         if origins is None or sums is None or cross is None:
             d = x.shape[2]
-            origins = _middle(x), _middle(y)
+            origins = np.stack([_middle(x), _middle(y)])
             sums, cross = np.zeros(2 * d + 3), np.zeros((d, d))
-        # Far from the origin the products would lose the digits of the shape.
-        add_moments(x - origins[0], y - origins[1], sums, cross)
+        add_moments(np.ascontiguousarray(x), np.ascontiguousarray(y), origins, sums, cross)
     if sums is None or cross is None or origins is None or not sums[-1]:
         raise MissingData(
             "no node is seen in both files at one instant",
@@ -149,7 +148,7 @@ def fit_rigid_motion(
                 f" {left**0.5:.3g}): rows of images count downwards, see the setting reflect"
             )
     shift = (origins[0] + mean_x) - factor * rotation @ (origins[1] + mean_y)
-    return RigidMotion(rotation, shift, factor, reflected, left**0.5, tuple(notes))
+    return RigidMotion(rotation, shift, factor, reflected, float(left**0.5), tuple(notes))
 
 
 def _middle(points: Reals) -> Reals:

@@ -13,9 +13,9 @@ Reals = NDArray[np.float64]
 #: Nodes that the spectra are averaged over; those that move most.
 NODES = 32
 #: Samples that are transformed in all: more take longer than reading, and change little.
-SAMPLES = 1 << 25
+SAMPLES = 1 << 24
 #: Longest segment by default, and how many segments a short record gets, overlapping by half.
-LONGEST, FEWEST = 1 << 13, 7
+LONGEST, FEWEST = 1 << 13, 5
 #: Fewer segments say nothing about coherence.
 COHERENT = 4
 #: Peaks that are listed, and how far each stands out, in units of the largest.
@@ -85,12 +85,13 @@ class Spectra:
 
 
 def segment_length(n_samples: int, wanted: int | None) -> int:
-    """Return the samples of a segment: a power of two that gives some segments, or as told."""
+    """Return the samples of a segment: a length with small prime factors, or as told."""
     if wanted is not None:
         return min(wanted, n_samples)
     # k half-overlapping segments of L take (k + 1) L / 2 samples.
-    room = max(8, 2 * n_samples // (FEWEST + 1))
-    return min(LONGEST, 1 << (room.bit_length() - 1), n_samples)
+    most = min(LONGEST, max(8, 2 * n_samples // (FEWEST + 1)), n_samples)
+    products = (2**i * 3**j * 5**k for i in range(14) for j in range(9) for k in range(6))
+    return max(length for length in products if length <= most)
 
 
 @dataclass
@@ -133,7 +134,7 @@ class SpectraSums:
         self.starts = chosen * hop
         self._next = 0
         self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-        shape = (length // 2 + 1, columns)
+        shape = (columns, length // 2 + 1)
         self._powers = np.zeros((2, *shape))
         self._cross = np.zeros(shape, dtype=complex)
 
@@ -141,17 +142,17 @@ class SpectraSums:
         """Add instants from `first` on: (B, n, d) each."""
         stop = first + len(x)
         while self._next < len(self.starts) and self.starts[self._next] < stop:
-            shape = (self.segment, len(self.nodes) * self.dims)
+            shape = (len(self.nodes) * self.dims, self.segment)
             self._open.append((int(self.starts[self._next]), np.empty(shape), np.empty(shape)))
             self._next += 1
         if not self._open:
             return
-        parts = [p[:, self.nodes].reshape(len(p), -1) for p in (x, y)]
+        parts = [p[:, self.nodes].reshape(len(p), -1).T for p in (x, y)]
         still: list[tuple[int, Reals, Reals]] = []
         for start, a, b in self._open:
             low, high = max(first, start), min(stop, start + self.segment)
             for target, part in zip((a, b), parts, strict=True):
-                target[low - start : high - start] = part[low - first : high - first]
+                target[:, low - start : high - start] = part[:, low - first : high - first]
             if high == start + self.segment:
                 self._close(a, b)
             else:
@@ -161,21 +162,15 @@ class SpectraSums:
     def _close(self, x: Reals, y: Reals) -> None:
         from scipy.fft import rfft
 
-        for part in (x, y):
-            if not np.isfinite(part).all():
-                self.n_gaps += 1
-                return
+        from openprc.compare.compiled_sums import add_powers, centre_columns  # noqa: PLC0415 - numba
+
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            self.n_gaps += 1
+            return
         self.n_segments += 1
-        transforms = []
-        for number, part in enumerate((x, y)):
-            part -= part.mean(axis=0)
-            part *= self._window[:, np.newaxis]
-            z = rfft(part, axis=0, overwrite_x=True)
-            self._powers[number] += z.real**2 + z.imag**2
-            transforms.append(z)
-        np.conj(transforms[0], out=transforms[0])
-        transforms[0] *= transforms[1]
-        self._cross += transforms[0]
+        for part in (x, y):
+            centre_columns(part, self._window)
+        add_powers(rfft(x, overwrite_x=True), rfft(y, overwrite_x=True), self._powers, self._cross)
 
     def result(self, labels: tuple[str, ...]) -> Spectra | str:
         """Return the spectra, or why there are none.
@@ -191,13 +186,13 @@ class SpectraSums:
                 if self.n_gaps
                 else "no spectra: too few instants"
             )
-        frequencies = np.arange(self._powers.shape[1]) / (self.segment * self.step)
+        frequencies = np.arange(self._powers.shape[2]) / (self.segment * self.step)
         scale = self.step / (self._window @ self._window) / self.n_segments
         sided = np.full(len(frequencies), 2.0)
         sided[0] = 1.0
         if self.segment % 2 == 0:
             sided[-1] = 1.0
-        densities = self._powers.sum(axis=2) * (scale * sided / len(self.nodes))
+        densities = self._powers.sum(axis=1) * (scale * sided / len(self.nodes))
         notes: list[str] = []
         if self.n_gaps:
             notes.append(f"{self.n_gaps} segments with gaps are left out of the spectra")
@@ -226,8 +221,8 @@ class SpectraSums:
         with np.errstate(invalid="ignore", divide="ignore"):
             each = np.where(product > 0, magnitude / product, 0.0)
             weight = np.sqrt(product)
-            total = weight.sum(axis=1)
-            return np.where(total > 0, (each * weight).sum(axis=1) / total, np.nan)
+            total = weight.sum(axis=0)
+            return np.where(total > 0, (each * weight).sum(axis=0) / total, np.nan)
 
 
 def spectral_peaks(frequencies: Reals, density: Reals) -> Reals:

@@ -17,7 +17,13 @@ from openprc.analysis.capacity.settings import Settings
 from openprc.analysis.capacity.terms import Terms
 from openprc.analysis.tasks.narma import NarmaTask
 from openprc.analysis.tasks.task import ImitationTask
-from openprc.errors import MissingData, MissingInputError, NonUniformTime, TaskError
+from openprc.errors import (
+    MissingData,
+    MissingInputError,
+    NonUniformTime,
+    OpenPRCError,
+    TaskError,
+)
 from openprc.reservoir.features.base import Feature, is_constant
 from openprc.reservoir.io.whiteness import effective_samples
 from openprc.reservoir.training.row_split import RowSplit
@@ -114,7 +120,13 @@ def task_scores(
                 },
             )
     except LACKING as problem:
-        return TaskScores(figures={}, skipped=dict.fromkeys(FIGURES, problem.found))
+        return TaskScores(figures={}, skipped=dict.fromkeys(FIGURES, reason_of(problem)))
+
+
+def reason_of(problem: OpenPRCError) -> str:
+    """Return what was found, with the place in the file where there is one."""
+    inside = problem.key if problem.key and problem.key.startswith("/") else ""
+    return f"{inside}: {problem.found}" if inside else problem.found
 
 
 def trainer_scores(trainer: Trainer, u: Reals) -> TaskScores:
@@ -138,12 +150,12 @@ def trainer_scores(trainer: Trainer, u: Reals) -> TaskScores:
         try:
             figures[name] = float(np.sqrt(imitation_nmse(trainer, task, given)))
         except TaskError as problem:
-            skipped[name] = problem.found
+            skipped[name] = reason_of(problem)
     try:
         states = trainer.states
         found = capacities(states.values, u, split=trainer.split, usable=states.usable)
     except TaskError as problem:
-        skipped |= dict.fromkeys(CAPACITIES, problem.found)
+        skipped |= dict.fromkeys(CAPACITIES, reason_of(problem))
     else:
         figures |= {"memory_capacity": found.memory_capacity, "ipc": found.total}
         notes += found.warnings

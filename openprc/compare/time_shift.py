@@ -75,10 +75,9 @@ def estimate_shift(
     SchemaError
         When a motion is too short, or nothing moves.
     """
-    steps = [float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0 for clock in clocks]
     if min(len(clock) for clock in clocks) < 8:
         raise _hopeless(readers[1], "there are fewer than 8 frames in one of the files")
-    step = max(steps)
+    step = max(_step(clock) for clock in clocks)
     series = [
         _motion(clock, reader, step, turning=turning)
         for clock, reader in zip(clocks, readers, strict=True)
@@ -115,6 +114,12 @@ def estimate_shift(
     return TimeShift(shift, float(correlation[best]), tuple(notes))
 
 
+def _step(clock: Reals) -> float:
+    """Return the usual step; its mean where the clock is even, as the median is rounded more."""
+    usual, mean = float(np.median(np.diff(clock))), float((clock[-1] - clock[0]) / (len(clock) - 1))
+    return mean if abs(mean - usual) < 1e-3 * usual else usual
+
+
 def _motion(clock: Reals, reader: FrameReader, step: float, *, turning: bool) -> Reals:
     """Return the motion of some nodes on an even clock, mean 0, gaps 0: (P, C)."""
     frames = int(np.searchsorted(clock, clock[0] + INSTANTS * step, side="right"))
@@ -132,7 +137,11 @@ def _motion(clock: Reals, reader: FrameReader, step: float, *, turning: bool) ->
     columns = [np.interp(instants, clock[:frames], column) for column in places.T]
     even = np.stack(columns, axis=1)
     means = np.nanmean(np.where(np.isfinite(even), even, np.nan), axis=0, keepdims=True)
-    return np.nan_to_num(even - means)
+    moved = np.nan_to_num(even - means)
+    # A mean is rounded: a body at rest would otherwise shiver.
+    still = np.abs(moved).max(axis=0) <= 1e-12 * np.nan_to_num(np.abs(even)).max(axis=0)
+    moved[:, still] = 0.0
+    return moved
 
 
 def _distances(places: Reals) -> Reals:
@@ -170,7 +179,9 @@ def _refined(x: Reals, y: Reals, lag: int) -> float:
     def deviation(part: float) -> float:
         weights = weights_at(clock, inner - lag - part, name="cubic")
         there = sum_frames(weights, y[:, :, np.newaxis])[:, :, 0]
-        return float(((there - target) ** 2).sum())
+        apart = there - target
+        # The means were those of different parts of the motion.
+        return float(((apart - apart.mean(axis=0)) ** 2).sum())
 
     found = minimize_scalar(
         deviation, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1e-7}

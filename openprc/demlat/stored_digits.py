@@ -82,8 +82,8 @@ def digits_remark(what: str, spread: SpreadSum, *, remedy: str) -> str | None:
     if digits >= ENOUGH:
         return None
     return (
-        f"float32 keeps {max(digits, 0.0):.1f} digits of the motion of the {what} (medians: they"
-        f" move by {np.median(motion):.2g} m about {np.median(place):.2g} m, where rounding"
-        f" alone is {np.median(noise):.2g} m; expected: at least {ENOUGH:g} digits, or readouts"
-        f" learn the rounding; to do: store float64 (export.precision){remedy})"
+        f"float32 keeps {max(digits, 0.0):.1f} digits of the motion of the {what}: they move by"
+        f" {np.median(motion):.2g} m about {np.median(place):.2g} m (medians), where rounding"
+        f" alone is {np.median(noise):.2g} m; expected: at least {ENOUGH:g} digits, or a readout"
+        f" takes rounding for motion; to do: store float64 (export.precision){remedy}"
     )

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.errors import ConfigError
 from openprc.scenes.closed_forms import GRAVITY, bounce_heights
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Collision, Experiment
@@ -25,13 +25,9 @@ DT, INTERVAL = 2e-4, 2e-3  # s
 
 def build(*, height: float, restitution: float, bounces: int) -> Scene:
     """Return the ball; options as in the record."""
-    if not 0.0 < restitution <= 1.0 or bounces < 1:
-        raise ConfigError(
-            f"a restitution of {restitution:g} and {bounces} bounces",
-            expected="above 0 and at most 1, and at least one bounce",
-            fix="give values in these ranges",
-            key="restitution",
-        )
+    check_range("bouncing-body", {"height": height}, above=0.0)
+    check_range("bouncing-body", {"restitution": restitution}, above=0.0, most=1.0)
+    check_range("bouncing-body", {"bounces": bounces}, least=1)
     fall = math.sqrt(2.0 * height / GRAVITY)
     powers = restitution ** np.arange(bounces + 1.0)
     # Impact n is after n - 1 whole flights, and the apex behind it half a flight later.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.errors import ConfigError
 from openprc.scenes.closed_forms import cantilever_deflection
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Actuator, Experiment, Signal
@@ -27,17 +27,14 @@ DECAY = 2.5
 
 def build(*, n: int, force: float, duration: float) -> Scene:
     """Return the cantilever; options as in the record."""
-    if n < 2:
-        raise ConfigError(
-            f"a cantilever of {n} segment",
-            expected="at least 2: the first one is clamped",
-            fix="give a larger n",
-            key="n",
-        )
+    # The first segment is clamped.
+    check_range("cantilever", {"n": n}, least=2)
+    check_range("cantilever", {"force": force}, above=0.0)
+    check_range("cantilever", {"duration": duration}, least=20.0)
     link = LENGTH / n
     masses = np.full(n + 1, DENSITY * AREA * link)
     masses[[0, -1]] *= 0.5
-    first = np.arange(n)
+    first = np.arange(n, dtype="i4")
     labels = tuple(f"node{i}" for i in range(n))
     # Bars and bends: waves along the bars, and bending at the shortest wavelength.
     fastest = max(
@@ -72,7 +69,7 @@ def build(*, n: int, force: float, duration: float) -> Scene:
                     rest_length=np.full(n, link),
                 ),
                 bends=Bends(
-                    indices=first[: n - 1, np.newaxis] + [0, 1, 2],
+                    indices=np.stack([first[:-1], first[:-1] + 1, first[:-1] + 2], axis=1),
                     stiffness=np.full(n - 1, RIGIDITY / link),
                 ),
             ),

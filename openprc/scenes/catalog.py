@@ -35,6 +35,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="oscillator",
                 summary="A mass on a spring",
                 needs=("nodes", "bars"),
+                reference="closed form",
                 load=f"{_HERE}.oscillator:build",
                 options=(
                     _real("frequency", "Frequency [Hz]", 1.0),
@@ -46,6 +47,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="damped-oscillator",
                 summary="A mass on a spring with a dashpot, or in a viscous medium",
                 needs=("nodes", "bars", "damping"),
+                reference="closed form",
                 load=f"{_HERE}.damped_oscillator:build",
                 options=(
                     _real("frequency", "Frequency without damping [Hz]", 1.0),
@@ -62,6 +64,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="pendulum",
                 summary="A point mass on a stiff bar, swinging far",
                 needs=("nodes", "bars", "gravity"),
+                reference="closed form",
                 load=f"{_HERE}.pendulum:build",
                 options=(
                     _real("angle", "From straight down at the start [rad]", 1.5),
@@ -76,7 +79,12 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="hanging-chain",
                 summary="Point masses on links, hanging, that swing a little in one mode",
                 needs=("nodes", "bars", "gravity"),
+                reference="closed form",
                 load=f"{_HERE}.hanging_chain:build",
+                run_options={
+                    # Linear tension, and next to no rotary inertia.
+                    "pyelastica": {"section": "constant", "radius": 0.002, "substeps": "auto"}
+                },
                 options=(
                     _whole("n", "Number of masses; the chain is 1 m long and weighs 1 kg", 5),
                     _whole("mode", "Which mode, 1 is the slowest", 1),
@@ -89,7 +97,11 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="swinging-chain",
                 summary="Point masses on links, let go with all links aside: chaotic",
                 needs=("nodes", "bars", "gravity"),
+                reference="converged",
                 load=f"{_HERE}.swinging_chain:build",
+                run_options={
+                    "pyelastica": {"section": "constant", "radius": 0.002, "substeps": "auto"}
+                },
                 options=(
                     _whole("n", "Number of masses of 0.1 kg on links of 0.2 m", 5),
                     _real("angle", "Of all links from straight down at the start [rad]",
@@ -104,7 +116,14 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="cantilever",
                 summary="A clamped rod of bars and bends that settles under a force at its tip",
                 needs=("nodes", "bars", "bends", "damping", "force-actuators"),
+                reference="closed form",
                 load=f"{_HERE}.cantilever:build",
+                run_options={
+                    # Next to no shear, which bars do not have.
+                    "pyelastica": {"shear_scale": 100.0, "substeps": "auto"},
+                    # The force is there from the start; its path is not asked for.
+                    "merlin": {"control": "load"},
+                },
                 options=(
                     _whole("n", "Number of segments; the rod is 1 m long", 10),
                     _real("force", "At the tip, downwards [N]", 0.005),
@@ -115,6 +134,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="von-mises-truss",
                 summary="Two bars with a shallow apex that a spring presses through: snap-through",
                 needs=("nodes", "bars", "position-actuators"),
+                reference="closed form",
                 load=f"{_HERE}.von_mises_truss:build",
                 options=(
                     _real("rise", "Height of the apex over a half span of 1 m [m]; small is"
@@ -129,6 +149,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="spring-lattice",
                 summary="A lattice of springs that a random force shakes: a reservoir for tasks",
                 needs=("nodes", "bars", "damping", "force-actuators"),
+                reference="converged",
                 load=f"{_HERE}.spring_lattice:build",
                 options=(
                     _whole("side", "Nodes along a side", 4),
@@ -142,6 +163,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="hauser-network",
                 summary="Random network of cubic springs and dashpots of Hauser et al. 2011",
                 needs=("nodes", "bars", "damping", "force-actuators"),
+                reference="converged",
                 load=f"{_HERE}.hauser_network:build",
                 options=(
                     _whole("n", "Number of masses", 30),
@@ -156,6 +178,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="miura",
                 summary="A Miura sheet, shaken for tasks, or folded slowly (variant=folding)",
                 needs=("nodes", "bars", "hinges", "damping", "force-actuators"),
+                reference="converged",
                 load=f"{_HERE}.miura:build",
                 options=(
                     OptionSpec("variant", "Shaken at an edge, or folded as MERLIN's example",
@@ -164,7 +187,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                     _whole("rows", "Cells along", 2),
                     _whole("n_symbols", "driven: random values of the force, 0.1 s each", 600),
                     _real("strength", "driven: force over the symbols, which are in [0, 0.5] [N]",
-                          1.0),
+                          0.5),
                     _SEED,
                     _real("duration", "folding: simulated time [s]", 20.0),
                     _real("fold", "folding: stiffness of folds [N m / rad per m]", 0.1),
@@ -175,6 +198,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="kresling",
                 summary="A Kresling tower pressed from one state without strain into the other",
                 needs=("nodes", "bars", "position-actuators"),
+                reference="closed form",
                 load=f"{_HERE}.kresling:build",
                 options=(
                     _whole("sides", "Of the polygons", 6),
@@ -187,6 +211,7 @@ SCENES: Mapping[str, SceneSpec] = MappingProxyType(
                 name="bouncing-body",
                 summary="A ball that falls on a fixed face and bounces",
                 needs=("nodes", "contact", "gravity"),
+                reference="closed form",
                 load=f"{_HERE}.bouncing_body:build",
                 options=(
                     _real("height", "That it falls from [m]", 0.5),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,7 +82,7 @@ def _integrate(experiment: Experiment, field: ForceField, times: Reals, toleranc
     state = np.concatenate([x[free], v[free]])
     size = float(np.ptp(geometry.positions, axis=0).max()) or 1.0
     done = 0
-    for begin, end in zip(knots[:-1], knots[1:], strict=True):
+    for begin, end in pairwise(knots.tolist()):
         middle = 0.5 * (begin + end)
 
         def slope(time: float, state: Reals, middle: float = middle) -> Reals:
@@ -101,8 +102,9 @@ def _integrate(experiment: Experiment, field: ForceField, times: Reals, toleranc
             atol=tolerance * size,
         )
         if path.status != 0:
+            reached = path.t[-1] if len(path.t) else begin
             raise NotConverged(
-                f"the reference stops at {path.t[-1] if len(path.t) else begin:g} s: {path.message}",
+                f"the reference stops at {reached:g} s: {path.message}",
                 expected=f"a motion up to {float(times[-1]):g} s",
                 fix="take a softer body, or a looser tolerance",
             )
@@ -123,7 +125,7 @@ def _knots(experiment: Experiment, last: float) -> Reals:
         else:
             inner = np.arange(1, len(signal.values) + 1) * signal.dt
         knots.append(inner[inner < last])
-    every = np.unique(np.concatenate(knots))
+    every: Reals = np.unique(np.concatenate(knots))
     # Two signals may say the same time in numbers that differ by rounding.
     every = every[np.append(True, np.diff(every) > 1e-9 * last)]
     every[-1] = last

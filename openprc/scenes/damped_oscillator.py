@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.scenes.closed_forms import released
-from openprc.scenes.oscillator import LABELS, LENGTH, MASS, along_the_spring, spring_experiment
+from openprc.scenes.option_checks import check_range
+from openprc.scenes.oscillator import (
+    LABELS,
+    LENGTH,
+    MASS,
+    along_the_spring,
+    check_spring,
+    spring_experiment,
+)
 from openprc.scenes.probes import at_time, deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 
@@ -19,6 +27,9 @@ if TYPE_CHECKING:
 
 def build(*, frequency: float, amplitude: float, periods: int, ratio: float, where: str) -> Scene:
     """Return the damped oscillator; options as in the record."""
+    check_spring("damped-oscillator", frequency=frequency, amplitude=amplitude, periods=periods)
+    # Far beyond critical damping the steps, which are parts of a period, would be too long.
+    check_range("damped-oscillator", {"ratio": ratio}, least=0.0, most=50.0)
     omega = 2.0 * math.pi * frequency
     coefficient = 2.0 * ratio * MASS * omega
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from openprc.errors import ConfigError
 from openprc.scenes.closed_forms import GRAVITY, hanging_chain_modes
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import angular_frequency, deviation_probe, places
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Experiment
@@ -24,6 +25,8 @@ FRAMES = 40
 
 def build(*, n: int, mode: int, amplitude: float, stiffness: float, periods: int) -> Scene:
     """Return the hanging chain; options as in the record."""
+    check_range("hanging-chain", {"stiffness": stiffness}, above=0.0)
+    check_range("hanging-chain", {"periods": periods}, least=1)
     if n < 1 or not 1 <= mode <= n:
         raise ConfigError(
             f"mode {mode} of a chain of {n} masses",
@@ -35,6 +38,9 @@ def build(*, n: int, mode: int, amplitude: float, stiffness: float, periods: int
     roots, shapes = hanging_chain_modes(n)
     shape = shapes[mode - 1]
     swing = amplitude * shape / np.abs(shape).max()
+    # Links that slope more would make the small swing a large one.
+    steep = 0.1 * link / float(np.abs(np.diff(shape / np.abs(shape).max())).max())
+    check_range("hanging-chain", {"amplitude": amplitude}, above=0.0, most=steep)
     omega = math.sqrt(GRAVITY / link * roots[mode - 1])
     labels = ("pivot", *(f"mass{i}" for i in range(1, n + 1)))
 
@@ -54,7 +60,7 @@ def build(*, n: int, mode: int, amplitude: float, stiffness: float, periods: int
     # The masses pull on the stiffest mode of the bars: four times k / m, squared.
     steps = math.ceil(interval * math.sqrt(4.0 * stiffness / mass) / 0.25)
     first = np.arange(n)
-    tension = mass * GRAVITY * (n - first)
+    tension: Reals = mass * GRAVITY * (n - first).astype("f8")
     source = "w^2 = x g / l with L_N(x) = 0, Laguerre's polynomial"
     steepest = float(np.abs(np.diff(swing)).max()) / link
     return Scene(

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from openprc.errors import ConfigError
 from openprc.scenes.converged import converged_motion
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe
 from openprc.scenes.scene import Reference, Scene
 from openprc.schema.experiment import Actuator, Experiment, Signal, Stored
@@ -51,13 +51,9 @@ def build(*, n: int, drive: Literal["volterra", "narma"], n_steps: int, seed: in
     """Return the network; options as in the record."""
     from scipy.spatial import Delaunay
 
-    if n < 5 or n_steps < 4:
-        raise ConfigError(
-            f"{n} nodes and {n_steps} steps",
-            expected="at least 5 nodes and 4 steps",
-            fix="give larger numbers",
-            key="n" if n < 5 else "n_steps",
-        )
+    check_range("hauser-network", {"n": n}, least=5)
+    check_range("hauser-network", {"n_steps": n_steps}, least=4)
+    check_range("hauser-network", {"seed": seed}, least=0)
     rng = np.random.default_rng(seed)
     points = rng.uniform(0.0, SIZE, (n, 2))
     sides = np.sort(Delaunay(points).simplices[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -66,7 +62,8 @@ def build(*, n: int, drive: Literal["volterra", "narma"], n_steps: int, seed: in
     fixed = np.isin(np.arange(n), [points[:, 0].argmin(), points[:, 0].argmax()])
     linear, rates = RANGES[drive]
     k1, d1, k3, d3 = (
-        np.exp(rng.uniform(*np.log(span), len(bars))) for span in (linear, rates, CUBIC, CUBIC)
+        np.exp(rng.uniform(math.log(span[0]), math.log(span[1]), len(bars)))
+        for span in (linear, rates, CUBIC, CUBIC)
     )
     pushed = np.sort(rng.choice(np.flatnonzero(~fixed), max(1, round(SHARE * n)), replace=False))
     weights = rng.uniform(-1.0, 1.0, len(pushed))
@@ -80,7 +77,8 @@ def build(*, n: int, drive: Literal["volterra", "narma"], n_steps: int, seed: in
             interpolation="cubic",
             unit="N",
             # The input itself, which tasks are about; the others are copies of it.
-            **({"sequence": u[:-1], "hold": INTERVAL} if name == names[0] else {}),
+            sequence=u[:-1] if name == names[0] else None,
+            hold=INTERVAL if name == names[0] else None,
         )
         for name, weight in zip(names, weights, strict=True)
     }
@@ -146,7 +144,7 @@ def build(*, n: int, drive: Literal["volterra", "narma"], n_steps: int, seed: in
 
 def _stretch(
     positions: Reals,
-    bars: NDArray[np.int64],
+    bars: NDArray[np.int32],
     stiffness: Reals,
     fixed: NDArray[np.bool_],
     pushed: NDArray[np.int64],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe, places
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.scenes.slow_drive import smooth_path
@@ -24,6 +25,10 @@ DECAY = 20.0  # 1/s
 
 def build(*, sides: int, twist: float, height: float, duration: float) -> Scene:
     """Return the tower; options as in the record."""
+    check_range("kresling", {"sides": sides}, least=3)
+    check_range("kresling", {"twist": twist}, above=0.0, below=180.0)
+    check_range("kresling", {"height": height}, above=0.0)
+    check_range("kresling", {"duration": duration}, least=1.0)
     from openprc.demlat.meshing import kresling, kresling_second_state  # noqa: PLC0415 - on demand
     from openprc.demlat.planning.step_choice import with_chosen_step  # noqa: PLC0415
 
@@ -141,7 +146,7 @@ class _Storey:
     """
 
     def __init__(self, sides: int, twist: float, height: float) -> None:
-        self.half = math.pi / sides
+        self.half, self.height = math.pi / sides, height
         self.start = np.array([RADIUS, twist])
         self.relaxed = self._lengths(self.start, height)[0]
 
@@ -163,25 +168,14 @@ class _Storey:
 
     def balanced(self, heights: Reals) -> tuple[Reals, Reals]:
         """Return radius [m] and twist [rad] at heights (T,) [m] that change little by little."""
-        at = self.start.copy()
+        at, last = self.start.copy(), self.height
         found = np.empty((len(heights), 2))
-        last = None
-        for row, z in enumerate(heights):
+        for row, z in enumerate(heights.tolist()):
             # Newton's method needs a start nearby: long ways are gone in parts.
-            parts = [z] if last is None else np.linspace(last, z, 2 + int(abs(z - last) / 5e-4))
-            if last is None:
-                begin = self._height_at_rest()
-                parts = np.linspace(begin, z, 2 + int(abs(z - begin) / 5e-4))
-            for part in parts:
-                at = self._newton(at, float(part))
+            for part in np.linspace(last, z, 2 + int(abs(z - last) / 5e-4)).tolist():
+                at = self._newton(at, part)
             found[row], last = at, z
         return found[:, 0], found[:, 1]
-
-    def _height_at_rest(self) -> float:
-        square = self.relaxed[0] ** 2 - 2.0 * RADIUS**2 * (
-            1.0 - math.cos(self.start[1] - self.half)
-        )
-        return math.sqrt(square)
 
     def _newton(self, at: Reals, z: float) -> Reals:
         for _ in range(50):

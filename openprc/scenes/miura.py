@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from openprc.errors import ConfigError
 from openprc.scenes.closed_forms import miura_fold_energy, miura_places, miura_tilt
 from openprc.scenes.converged import converged_motion
 from openprc.scenes.folded_sheets import sheet_elements
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe, places
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.scenes.slow_drive import smooth_path
@@ -27,7 +27,7 @@ SECTOR = math.radians(60.0)
 #: The sheet that is shaken: edges [m], tilt, areal density [kg/m2], E A [N], folds and facets
 #: [N m / rad per m], dashpots of the bars [N s/m], drag over mass [1/s].
 EDGE, TILT, DENSITY = 0.05, math.radians(45.0), 0.5
-MODULUS, FOLD, FACET, BAR_DAMPING, DECAY = 50.0, 0.05, 0.5, 0.02, 3.0
+MODULUS, FOLD, FACET, BAR_DAMPING, DECAY = 50.0, 0.05, 0.5, 0.02, 20.0
 HOLD, FRAMES_PER_SYMBOL, PARTS = 0.1, 5, 50  # s
 CHECKED = 5
 #: The sheet that is folded: the dimensionless example of MERLIN in m, N and kg.
@@ -47,13 +47,10 @@ def build(
     facet: float,
 ) -> Scene:
     """Return the Miura sheet; options as in the record."""
-    if columns < 1 or rows < 1:
-        raise ConfigError(
-            f"{columns} by {rows} cells",
-            expected="at least one each way",
-            fix="give larger numbers",
-            key="columns" if columns < 1 else "rows",
-        )
+    check_range("miura", {"columns": columns, "rows": rows, "n_symbols": n_symbols}, least=1)
+    check_range("miura", {"seed": seed}, least=0)
+    check_range("miura", {"strength": strength, "fold": fold, "facet": facet}, above=0.0)
+    check_range("miura", {"duration": duration}, least=1.0)
     if variant == "folding":
         return _folding(columns, rows, duration=duration, fold=fold, facet=facet)
     return _driven(columns, rows, n_symbols=n_symbols, strength=strength, seed=seed)
@@ -140,15 +137,16 @@ def _folding(columns: int, rows: int, *, duration: float, fold: float, facet: fl
     from openprc.demlat.meshing import miura_sheet  # noqa: PLC0415 - as above
     from openprc.demlat.planning.step_choice import with_chosen_step  # noqa: PLC0415
 
-    size = {"columns": columns, "rows": rows, "a": BIG, "b": BIG}
+    size: dict[str, Any] = {
+        "columns": columns, "rows": rows, "a": BIG, "b": BIG, "sector": SECTOR,
+    }  # fmt: skip
     mesh = miura_sheet(columns, rows, a=BIG, b=BIG, sector_angle=SECTOR, tilt=FOLDED[0])
     i, j = np.divmod(np.arange(mesh.n_nodes), 2 * rows + 1)
-    begin, end = (
-        miura_places(np.array([tilt]), sector=SECTOR, **size)[0, -1, 0] for tilt in FOLDED
-    )
+    begin, end = (miura_places(np.array([tilt]), **size)[0, -1, 0] for tilt in FOLDED)
     width = smooth_path(begin, end, duration=duration)
     labels = _labels(columns, rows)
     sides, even = (i == 0) | (i == 2 * columns), j % 2 == 0
+    held: list[tuple[Any, str, tuple[bool, bool, bool]]]
     held = [(node, "still", (True, False, False)) for node in np.flatnonzero(i == 0)]
     held += [(node, "width", (True, False, False)) for node in np.flatnonzero(i == 2 * columns)]
     held += [(node, "still", (False, False, True)) for node in np.flatnonzero(sides & even)]
@@ -159,7 +157,7 @@ def _folding(columns: int, rows: int, *, duration: float, fold: float, facet: fl
 
     def exact(times: Reals) -> Reals:
         tilt = miura_tilt(width.at(times) / (2 * columns), b=BIG, sector=SECTOR)
-        return miura_places(tilt, sector=SECTOR, **size)
+        return miura_places(tilt, **size)
 
     def energy(run: Trajectory) -> float:
         angles = dihedral_angles(places(run, labels)[-1:], hinges.indices[folds])[0]
@@ -205,9 +203,7 @@ def _folding(columns: int, rows: int, *, duration: float, fold: float, facet: fl
             probes=(
                 Probe(
                     name="energy of the folds at the end",
-                    value=miura_fold_energy(
-                        FOLDED[1], FOLDED[0], stiffness=fold, sector=SECTOR, **size
-                    ),
+                    value=miura_fold_energy(FOLDED[1], FOLDED[0], stiffness=fold, **size),
                     unit="J",
                     tolerance=5e-3,
                     measure=energy,

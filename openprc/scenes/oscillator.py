@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.scenes.closed_forms import released
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import angular_frequency, deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Experiment
@@ -21,6 +22,13 @@ LENGTH, MASS = 1.0, 1.0  # m, kg
 LABELS = ("anchor", "mass")
 #: Steps and frames in a period.
 STEPS, FRAMES = 1000, 40
+
+
+def check_spring(scene: str, *, frequency: float, amplitude: float, periods: int) -> None:
+    """Refuse options that no spring of `LENGTH` has."""
+    check_range(scene, {"frequency": frequency}, above=0.0)
+    check_range(scene, {"amplitude": amplitude}, above=0.0, below=LENGTH)
+    check_range(scene, {"periods": periods}, least=1)
 
 
 def spring_experiment(
@@ -70,6 +78,7 @@ def along_the_spring(stretch: Reals) -> Reals:
 
 def build(*, frequency: float, amplitude: float, periods: int) -> Scene:
     """Return the undamped oscillator; options as in the record."""
+    check_spring("oscillator", frequency=frequency, amplitude=amplitude, periods=periods)
     omega = 2.0 * math.pi * frequency
 
     def exact(times: Reals) -> Reals:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.scenes.closed_forms import GRAVITY, pendulum_angle, pendulum_period
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe, path_of, period_of_crossings
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Experiment
@@ -24,6 +25,9 @@ DT, INTERVAL = 5e-4, 0.02  # s
 
 def build(*, angle: float, length: float, stiffness: float, duration: float, rigid: bool) -> Scene:
     """Return the pendulum; options as in the record."""
+    check_range("pendulum", {"angle": angle}, above=0.0, below=math.pi)
+    sizes = {"length": length, "stiffness": stiffness, "duration": duration}
+    check_range("pendulum", sizes, above=0.0)
     rate = math.sqrt(GRAVITY / length)
     period = pendulum_period(start=angle, rate=rate)
     # How much the bar gives, in lengths: the bob pulls with m g (3 - 2 cos(angle)) at the bottom.

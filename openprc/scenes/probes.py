@@ -69,7 +69,7 @@ def at_time(trajectory: Trajectory, values: Reals, *, time: float) -> Reals:
     MissingData
         When the run does not reach that time.
     """
-    clock = trajectory.time
+    clock = instants(trajectory)
     slack = 1e-9 * max(abs(time), float(clock[-1] - clock[0]))
     if not clock[0] - slack <= time <= clock[-1] + slack:
         raise MissingData(
@@ -132,9 +132,23 @@ def instants(trajectory: Trajectory, interval: float | None = None) -> Reals:
     interval : float [s], optional
         Time of the scene from one load step to the next, for paths of equilibria: those count
         steps, and have no time of their own.
+
+    Raises
+    ------
+    MissingData
+        When the file is such a path and there is no `interval`.
     """
-    clock = trajectory.time
-    return clock * interval if interval and trajectory.time_kind == "pseudo" else clock
+    if trajectory.time_kind != "pseudo":
+        return trajectory.time
+    if interval is None:
+        raise MissingData(
+            "a path of equilibria, which has no time",
+            expected="a run in time: this scene is known by its motion",
+            fix="run it with a producer that integrates the motion",
+            file=trajectory.path,
+            key="/time_series/time",
+        )
+    return trajectory.time * interval
 
 
 def deviation(

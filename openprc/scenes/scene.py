@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,7 +58,9 @@ class Reference:
     source : str
         Equation or DOI; for "converged" by which scheme and to what.
     exact : callable, optional
-        Times (T,) [s] to positions (T, N, 3) [m] of the very scene, where a formula gives them.
+        Rising times (T,) [s], from 0 or later, to positions (T, N, 3) [m] of the very scene, in
+        the order of its nodes: by a formula, or for "converged" by a solver that integrates up to
+        the last of these times when it is called. None where only some numbers are known.
     probes : tuple of Probe
     """
 
@@ -111,17 +113,24 @@ class SceneSpec:
         One line.
     needs : tuple of str
         The physics that it uses, in the words of `openprc.hooks.specs.ELEMENTS`.
+    reference : {"closed form", "converged", "published"}
+        What its motion is known by, with the options as they are.
     load : str
-        ``"package.module:function"`` of a builder that takes the options as keywords and
+        ``"package.module:function"`` of a builder that takes every option as a keyword and
         returns a `Scene`.
     options : tuple of OptionSpec
+    run_options : mapping of str to mapping
+        Producer to the options of a run (`ProducerSpec.run_options`) with which it comes closest
+        to the scene, where its defaults model something else.
     """
 
     name: str
     summary: str
     needs: tuple[str, ...]
+    reference: ReferenceKind
     load: str
     options: tuple[OptionSpec, ...] = ()
+    run_options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 __all__ = ["Probe", "Reference", "ReferenceKind", "Scene", "SceneSpec"]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.errors import ConfigError
 from openprc.scenes.converged import converged_motion
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe
 from openprc.scenes.scene import Reference, Scene
 from openprc.schema.experiment import Actuator, Experiment, Signal
@@ -26,9 +26,9 @@ HOLD, FRAMES_PER_SYMBOL = 0.15, 5  # s
 CHECKED = 10
 
 
-def tied_nodes(side: int) -> NDArray[np.int64]:
+def tied_nodes(side: int) -> NDArray[np.int32]:
     """Return pairs of nodes along sides and both diagonals; node ``side * column + row``."""
-    number = np.arange(side * side).reshape(side, side)
+    number = np.arange(side * side, dtype="i4").reshape(side, side)
     runs = (
         (number[:-1], number[1:]),
         (number[:, :-1], number[:, 1:]),
@@ -40,13 +40,10 @@ def tied_nodes(side: int) -> NDArray[np.int64]:
 
 def build(*, side: int, n_symbols: int, stiffness: float, strength: float, seed: int) -> Scene:
     """Return the lattice; options as in the record."""
-    if side < 2 or n_symbols < 1:
-        raise ConfigError(
-            f"a side of {side} nodes and {n_symbols} symbols",
-            expected="at least 2 nodes and 1 symbol",
-            fix="give larger numbers",
-            key="side" if side < 2 else "n_symbols",
-        )
+    check_range("spring-lattice", {"side": side}, least=2)
+    check_range("spring-lattice", {"n_symbols": n_symbols}, least=1)
+    check_range("spring-lattice", {"seed": seed}, least=0)
+    check_range("spring-lattice", {"stiffness": stiffness, "strength": strength}, above=0.0)
     rng = np.random.default_rng(seed)
     bars = tied_nodes(side)
     column, row = np.divmod(np.arange(side * side), side)

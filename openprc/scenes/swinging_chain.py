@@ -9,6 +9,7 @@ import numpy as np
 
 from openprc.scenes.closed_forms import GRAVITY, chain_of_links, swinging_links
 from openprc.scenes.converged import converged_motion
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import at_time, deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.schema.experiment import Experiment
@@ -26,6 +27,8 @@ HORIZON = 0.5
 
 def build(*, n: int, angle: float, stiffness: float, duration: float, rigid: bool) -> Scene:
     """Return the swinging chain; options as in the record."""
+    check_range("swinging-chain", {"n": n}, least=1, most=100)
+    check_range("swinging-chain", {"stiffness": stiffness, "duration": duration}, above=0.0)
     labels = ("pivot", *(f"mass{i}" for i in range(1, n + 1)))
     first = np.arange(n)
     # Shortest period of the bars over 2 pi: rounded to a part of the interval.

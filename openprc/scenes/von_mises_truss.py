@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.scenes.closed_forms import von_mises_force, von_mises_limit
+from openprc.scenes.option_checks import check_range
 from openprc.scenes.probes import deviation_probe, path_of
 from openprc.scenes.scene import Probe, Reference, Scene
 from openprc.scenes.slow_drive import SAMPLES, smooth_path
@@ -28,6 +29,9 @@ DRAG = 1e-3
 
 def build(*, rise: float, stiffness: float, loader: float, duration: float) -> Scene:
     """Return the truss; options as in the record."""
+    check_range("von-mises-truss", {"rise": rise}, above=0.0, most=SPAN)
+    check_range("von-mises-truss", {"stiffness": stiffness, "loader": loader}, above=0.0)
+    check_range("von-mises-truss", {"duration": duration}, least=10.0)
     limit, critical = von_mises_limit(span=SPAN, rise=rise, stiffness=stiffness)
     steepest = 2.0 * stiffness * (math.hypot(SPAN, rise) / SPAN - 1.0)
     spring = loader * steepest

@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
     Reals = NDArray[np.float64]
 
-#: Tolerances of the scheme that chooses its steps.
-TOLERANCES = (1e-10, 1e-11, 1e-12)
+#: Tolerances that the scheme which chooses its steps is asked for, as far as need be.
+TOLERANCES = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+#: A run for the reference may take so many times what one run of a setting may.
+PATIENCE = 10.0
 #: Beyond the time at which two of its solutions part by this, errors say nothing about a setting.
 HORIZON_ERROR = 1e-6
 #: The same where steps are refined by hand, which never gets so far.
@@ -142,6 +144,7 @@ def converged_reference(
     experiment: Experiment,
     *,
     longest: float,
+    needed: float = ROUNDING,
     exact: Callable[[Reals], Reals] | None = None,
     progress: Progress = silent,
 ) -> ConvergedReference:
@@ -156,7 +159,9 @@ def converged_reference(
     ----------
     experiment : Experiment
     longest : float [s]
-        Refinement ends before a run would take longer than a few times this.
+        Refinement ends before a run would take longer than `PATIENCE` times this.
+    needed : float [1]
+        Uncertainty that is good enough.
     exact : callable, optional
         Times (T,) [s] to positions (T, N, 3) [m], where a formula gives them.
 
@@ -174,7 +179,7 @@ def converged_reference(
     """
     stride = max(1, experiment.n_frames * experiment.geometry.n_nodes * 3 // LARGEST)
     if is_smooth(experiment):
-        found = _by_tolerance(experiment, stride, progress)
+        found = _by_tolerance(experiment, stride, longest=longest, needed=needed, progress=progress)
         second = ("rk4", 4)
     else:
         rigid = has_constraints(experiment)
@@ -182,7 +187,9 @@ def converged_reference(
         second = ("rattle", 2) if rigid else ("verlet", 2)
         if has_stops(experiment):
             first, second = ("rk4-projection", 2), ("", 0)
-        found = _by_step(experiment, first[0], stride, longest=longest, progress=progress)
+        found = _by_step(
+            experiment, first[0], stride, longest=longest, needed=needed, progress=progress
+        )
     found = _cut_at_horizon(found, experiment)
     if second[0]:
         progress(0.7, f"reference: checking with {second[0]}")
@@ -206,39 +213,64 @@ def converged_reference(
 # --- the first method ---------------------------------------------------------------------------
 
 
-def _by_tolerance(experiment: Experiment, stride: int, progress: Progress) -> ConvergedReference:
-    frames: list[Reals] = []
+def _by_tolerance(
+    experiment: Experiment, stride: int, *, longest: float, needed: float, progress: Progress
+) -> ConvergedReference:
+    frames: Reals | None = None
+    profiles: list[Reals] = []
+    tried: list[float] = []
     for number, tolerance in enumerate(TOLERANCES):
-        progress(0.2 * number, f"reference: dop853 to {tolerance:g}")
+        progress(0.1 * number, f"reference: dop853 to {tolerance:g}")
         setting = {"integrator": "dop853", "tolerance": tolerance}
-        frames.append(run_in_memory(configured(experiment, setting), stride=stride).positions)
-    profiles = [error_over_time(before, frames[-1]) for before in frames[:-1]]
+        outcome = run_in_memory(configured(experiment, setting), stride=stride)
+        if frames is not None:
+            profiles.append(error_over_time(frames, outcome.positions))
+        frames = outcome.positions
+        tried.append(tolerance)
+        # A tenth of the tolerance takes a third more.
+        too_long = 1.33 * outcome.seconds > PATIENCE * longest
+        if len(profiles) >= 2 and (profiles[-1].max() <= needed or too_long):
+            break
+    assert frames is not None  # noqa: S101 - there are tolerances
     differences = tuple(float(profile.max()) for profile in profiles)
     return ConvergedReference(
-        positions=frames[-1],
+        positions=frames,
         stride=stride,
         horizon=_until(profiles[-1], HORIZON_ERROR, experiment, stride),
         duration=experiment.duration,
-        method=f"dop853 at tolerances {', '.join(f'{t:g}' for t in TOLERANCES)}",
-        setting={"integrator": "dop853", "tolerance": TOLERANCES[-1]},
+        method=f"dop853 at tolerances {tried[0]:g} to {tried[-1]:g}",
+        setting={"integrator": "dop853", "tolerance": tried[-1]},
         differences=differences,
         rate=None,
         uncertainty=max(differences[-1], float(np.finfo(float).eps)),
-        converged=differences[-1] <= max(differences[0], ROUNDING),
+        converged=differences[-1] <= max(0.5 * differences[0], ROUNDING),
     )
 
 
 def _by_step(
-    experiment: Experiment, integrator: str, stride: int, *, longest: float, progress: Progress
+    experiment: Experiment,
+    integrator: str,
+    stride: int,
+    *,
+    longest: float,
+    needed: float,
+    progress: Progress,
 ) -> ConvergedReference:
     solutions = list(
-        _refined(experiment, integrator, stride, longest=2.0 * longest, progress=progress)
+        _refined(
+            experiment,
+            integrator,
+            stride,
+            longest=PATIENCE * longest,
+            needed=needed,
+            progress=progress,
+        )
     )
     if len(solutions) < 3:
         raise NotConverged(
             f"no reference: {len(solutions)} steps of {integrator} are stable and affordable, and"
             " three are needed to see convergence",
-            expected=f"runs that take less than {2.0 * longest:g} s",
+            expected=f"runs that take less than {PATIENCE * longest:g} s",
             fix="allow longer ones with --longest, or shorten the scene",
         )
     counts, frames = [n for n, _ in solutions], [x for _, x in solutions]
@@ -279,14 +311,20 @@ def _fall(differences: tuple[float, ...]) -> tuple[float, bool]:
 
 
 def _refined(
-    experiment: Experiment, integrator: str, stride: int, *, longest: float, progress: Progress
+    experiment: Experiment,
+    integrator: str,
+    stride: int,
+    *,
+    longest: float,
+    needed: float = 0.0,
+    progress: Progress = silent,
 ) -> Iterator[tuple[int, Reals]]:
     """Yield (steps a frame, frames) for steps that are halved, while that is affordable."""
     plain = configured(experiment, {"integrator": integrator, "step_check": "warn"})
     steps = max(1, math.ceil(1.5 * experiment.save_interval / stable_step(plain)))
     before: Reals | None = None
     last = math.inf
-    while True:
+    for number in itertools.count(1):
         progress(0.0, f"reference: {integrator}, {steps} steps a frame")
         setting = {"integrator": integrator, "steps_per_frame": steps}
         outcome = run_in_memory(configured(experiment, setting), stride=stride)
@@ -294,9 +332,11 @@ def _refined(
         difference = math.inf
         if before is not None:
             difference = float(error_over_time(before, outcome.positions).max())
-        # Rounding has been reached, or the next run is too long.
+        if 2.0 * outcome.seconds > longest:
+            return
+        # Two differences show whether they fall; rounding cannot be refined.
         rounding = last < 1e-8 and difference > 0.5 * last
-        if difference < ROUNDING or rounding or 2.0 * outcome.seconds > longest:
+        if number >= 3 and (difference <= max(needed, ROUNDING) or rounding):
             return
         before, last, steps = outcome.positions, difference, 2 * steps
 
@@ -315,9 +355,7 @@ def _checked(
     best: tuple[float, float] | None = None
     before = extrapolated = None
     try:
-        for _, frames in _refined(
-            experiment, integrator, found.stride, longest=longest, progress=silent
-        ):
+        for _, frames in _refined(experiment, integrator, found.stride, longest=longest):
             earlier, extrapolated = extrapolated, frames
             if before is not None and order:
                 extrapolated = frames + (frames - before) / (2.0**order - 1.0)

@@ -25,6 +25,7 @@ def kept_reference(
     *,
     digest: str,
     longest: float,
+    needed: float,
     progress: Progress = silent,
 ) -> ConvergedReference:
     """Return the reference in the file `path`; where there is none, compute and keep it.
@@ -39,7 +40,11 @@ def kept_reference(
     if path is not None and path.exists():
         return _read(path, digest)
     found = converged_reference(
-        scene.experiment, longest=longest, exact=scene.reference.exact, progress=progress
+        scene.experiment,
+        longest=longest,
+        needed=needed,
+        exact=scene.reference.exact,
+        progress=progress,
     )
     if path is not None:
         head = json.dumps(found.as_dict() | {"scene": digest})

@@ -17,7 +17,7 @@ from openprc.hooks.running import silent
 from openprc.tradeoff import ladders
 from openprc.tradeoff.pareto import cost_of, cpu_seconds, pareto_front
 from openprc.tradeoff.point import Point
-from openprc.tradeoff.reference import ConvergedReference, has_constraints
+from openprc.tradeoff.reference import ROUNDING, ConvergedReference, has_constraints
 from openprc.tradeoff.reference_file import kept_reference
 from openprc.tradeoff.scene_digest import scene_digest
 from openprc.tradeoff.scoring import score_points
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 GOOD_ENOUGH = 3e-9
 #: With a target, ladders end this far below it.
 BELOW_TARGET = 0.1
+#: The reference is known to this share of a target.
+OF_TARGET = 1e-3
 #: Refined are ladders that reach the target for up to so many times the least cost.
 NEAR = 2.0
 POINTS, REFERENCE = "points.jsonl", "reference.npz"
@@ -72,7 +74,7 @@ class Choices:
     integrators: tuple[str, ...] | None = None
     target: float | None = None
     metric: str = "trajectory"
-    longest: float = 2.0
+    longest: float = 5.0
     budget: float | None = None
     rounds: int = 3
     folder: Path | None = None
@@ -87,6 +89,13 @@ class Choices:
         if self.target is None or self.metric != "trajectory":
             return GOOD_ENOUGH
         return max(BELOW_TARGET * self.target, GOOD_ENOUGH)
+
+    @property
+    def needed(self) -> float:
+        """How well the reference has to be known."""
+        if self.target is None or self.metric != "trajectory":
+            return ROUNDING
+        return max(OF_TARGET * self.target, ROUNDING)
 
     def schemes(self, experiment: Experiment) -> tuple[str, ...]:
         """Return the integrators that are tried on a scene."""
@@ -195,6 +204,7 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
         None if folder is None else folder / REFERENCE,
         digest=digest,
         longest=choices.longest,
+        needed=choices.needed,
         progress=progress,
     )
     proven = f"{digest} {reference.horizon!r} {reference.method}"

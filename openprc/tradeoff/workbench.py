@@ -30,6 +30,8 @@ BLOWN_UP = 1e2
 #: Seconds below which a run is repeated within a round, since clocks and caches jitter.
 SHORT = 0.02
 REPEATS = 3
+#: Seconds above which a run is timed once: it is disturbed by little, and costs most.
+LONG = 1.0
 
 
 class BudgetSpent(Exception):
@@ -61,7 +63,7 @@ class Workbench:
         store: PointStore,
         rounds: int = 3,
         budget: float | None = None,
-        longest: float = 2.0,
+        longest: float = 5.0,
     ) -> None:
         self.experiment = experiment
         self.reference = reference
@@ -158,7 +160,7 @@ class Workbench:
         BudgetSpent
         """
         for number in range(2, self.rounds + 1):
-            todo = [s for s in self._timed() if len(s.seconds) < number]
+            todo = [s for s in self._timed() if len(s.seconds) < number and s.seconds[0] < LONG]
             for done, stored in enumerate(todo):
                 self.check_budget()
                 point = stored.point

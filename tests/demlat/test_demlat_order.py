@@ -1,10 +1,16 @@
-"""Order of convergence, measured."""
+"""Order of convergence, measured, of every integrator."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
+from openprc.demlat import BarHingeModel
+from openprc.demlat.integrators import INTEGRATORS
+from openprc.demlat.signal_table import sample_signal
 
 X, Y, Z = np.eye(3)
 
@@ -101,3 +107,89 @@ def test_the_energy_balance_closes_with_the_same_order(lattice, simulate, drive)
         errors.append(np.abs(run.balance).max() / np.ptp(run.work_in))
     assert errors[-1] < 1e-8
     assert slope(errors) > 3.7
+
+
+# --- every integrator ----------------------------------------------------------------------------
+
+#: Step of the first rung [s]; the old stepping is of first order and grows besides.
+FIRST_STEPS = dict.fromkeys(INTEGRATORS, 0.0125) | {"legacy": 0.0125 / 16}
+TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+WITHIN = 0.2
+
+
+def measured_order(scene, name, exact):
+    """Slope of the largest error at the frames over the mean step, by least squares."""
+    scene = replace(scene, integrator=name, step_check="warn")
+    if INTEGRATORS[name].step == "adaptive":
+        rungs = [replace(scene, tolerance=tolerance) for tolerance in TOLERANCES]
+    else:
+        first = FIRST_STEPS[name]
+        rungs = [replace(scene, dt=first / 2**halvings) for halvings in range(4)]
+    steps, errors = [], []
+    for rung in rungs:
+        model = BarHingeModel(rung)
+        x = np.concatenate([block.x[:, -1].copy() for _, block in model.blocks()])
+        fixed = rung.steps_per_frame * (rung.n_frames - 1)
+        steps.append(rung.duration / model.effort.get("steps", fixed))
+        errors.append(np.abs(x - exact).max())
+    assert min(errors) > 1e-12  # or rounding would be measured
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+def pendulum_or_spring(body, name, *, damped):
+    """Return a scene of one moving node, and its positions at the frames (T, 3) [m].
+
+    Schemes for constraints have a rigid pendulum, whose angle SciPy knows to twelve digits.
+    """
+    times = {"save_interval": 0.1, "duration": 2.0, "dt": 0.1}
+    t = 0.1 * np.arange(21)
+    exact = np.zeros((21, 3))
+    if INTEGRATORS[name].rigid == "no":
+        rate = 1.0 if damped else 0.0
+        bar = (0, 1, 100.0, 1.0, 2.0 * rate)
+        scene = body([0 * X, 1.1 * X], [1.0, 1.0], bars=[bar], fixed=[True, False], **times)
+        omega = math.sqrt(100.0 - rate**2)
+        swing = np.cos(omega * t) + rate / omega * np.sin(omega * t)
+        exact[:, 0] = 1.0 + 0.1 * np.exp(-rate * t) * swing
+        return scene, exact
+    drag = 0.4 if damped else 0.0
+    start = [math.sin(1.0), -math.cos(1.0), 0.0]
+    scene = body([0 * X, start], [1.0, 1.0], bars=[(0, 1, 1.0, 1.0, 0.0)], fixed=[True, False],
+                 gravity=(0.0, -9.81, 0.0), damping=drag, **times)  # fmt: skip
+    bars = replace(scene.geometry.bars, rigid=[True])
+    scene = replace(scene, geometry=replace(scene.geometry, bars=bars))
+    angle = solve_ivp(lambda _, y: [y[1], -9.81 * math.sin(y[0]) - drag * y[1]], (0.0, 2.0),
+                      [1.0, 0.0], method="DOP853", t_eval=t, rtol=1e-13, atol=1e-14).y[0]  # fmt: skip
+    exact[:, 0], exact[:, 1] = np.sin(angle), -np.cos(angle)
+    return scene, exact
+
+
+@pytest.mark.parametrize("damped", [False, True], ids=["undamped", "damped"])
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_every_integrator_has_its_declared_order(body, name, damped):
+    scene, exact = pendulum_or_spring(body, name, damped=damped)
+    assert measured_order(scene, name, exact) == pytest.approx(INTEGRATORS[name].order, abs=WITHIN)
+
+
+SOFT = [n for n, scheme in INTEGRATORS.items() if scheme.rigid == "no" and scheme.step != "legacy"]
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_every_integrator_keeps_its_order_behind_a_cubic_signal(body, drive, name):
+    # Those for rigid bars are measured on a shaken sheet, in test_demlat_rigid_motion.
+    t = 0.1 * np.arange(21)
+    values = np.zeros((21, 3))
+    values[:, 0] = 0.05 * np.sin(3.0 * t) ** 2
+    signal, actuator = drive(values, dt=0.1, node=0, type="position", interpolation="cubic")
+    scene = body([0 * X, 1.1 * X], [1.0, 1.0], bars=[(0, 1, 100.0, 1.0, 0.0)], damping=1.0,
+                 save_interval=0.1, duration=2.0, dt=0.1, signals={"u": signal},
+                 actuators=(actuator,))  # fmt: skip
+
+    def pulled(now, y):
+        wall = sample_signal(signal, np.array([now]))[0, 0]
+        return [y[1], -100.0 * (y[0] - wall - 1.0) - y[1]]
+
+    exact = np.zeros((21, 3))
+    exact[:, 0] = solve_ivp(pulled, (0.0, 2.0), [1.1, 0.0], method="DOP853", t_eval=t,
+                            rtol=1e-12, atol=1e-13, max_step=0.02).y[0]  # fmt: skip
+    assert measured_order(scene, name, exact) == pytest.approx(INTEGRATORS[name].order, abs=WITHIN)

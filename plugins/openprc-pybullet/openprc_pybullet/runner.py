@@ -82,6 +82,7 @@ class _Frames:
     """Takes the steps between frames, and hands frames on in blocks."""
 
     def __init__(self, experiment: Experiment, loop: HalfKickLoop, recorder: FrameRecorder) -> None:
+        from openprc.demlat.models.barhinge.run_watch import RunWatch  # noqa: PLC0415
         from openprc.demlat.models.barhinge.support import (  # noqa: PLC0415
             ESCAPE_FACTOR,
             scene_size,
@@ -91,6 +92,7 @@ class _Frames:
         self.loop = loop
         self.recorder = recorder
         self.reach = ESCAPE_FACTOR * scene_size(experiment)
+        self.watch = RunWatch(as_leapfrog(experiment), scheme="PyBullet")
         frame_bytes = sum(column.nbytes for column in loop.field.frames(1))
         rows = max(1, min(experiment.n_frames, FLUSH_BYTES // frame_bytes))
         self.buffer: FrameBuffer = loop.field.frames(rows)
@@ -114,6 +116,9 @@ class _Frames:
         finally:
             # What has been computed is kept, also of a run that was stopped.
             self._flush()
+        self.watch.close()
+        for remark in self.watch.remarks():
+            self.recorder.writer.note(remark)
         progress(1.0, f"t = {experiment.duration:g} s of {experiment.duration:g} s")
 
     def _next_frame(self) -> None:
@@ -135,7 +140,13 @@ class _Frames:
             return
         count, self.waiting = self.waiting, 0
         first, self.first = self.first, self.first + count
-        self.recorder.append(first, type(self.buffer)(*(part[:count] for part in self.buffer)))
+        block = type(self.buffer)(*(part[:count] for part in self.buffer))
+        sound = self.watch.sound(first, block)
+        if sound:
+            self.recorder.append(first, type(block)(*(part[:sound] for part in block)))
+        if sound < count:
+            rest = type(block)(*(part[sound:] for part in block))
+            raise self.watch.not_finite(first + sound, rest)
 
     def _guard(self) -> None:
         sound = np.abs(self.loop.positions) < self.reach  # False for NaN

@@ -24,6 +24,8 @@ MADE = 0.5
 QUIET = 1e-3
 #: Share of the length of a step's motion from which on the rounding of coordinates is told.
 COARSE = 1e-3
+#: Share of a body's extent that nobody would miss: a fall through it is no energy to speak of.
+NEGLIGIBLE = 1e-6
 #: Share of its rest length below which a bar has no direction worth the name.
 SHRUNK = 1e-3
 
@@ -49,10 +51,19 @@ class RunWatch:
     Parameters
     ----------
     experiment : Experiment
+    scheme : str, optional
+        What integrates it, in words; the experiment's integrator by default.
     """
 
-    def __init__(self, experiment: Experiment) -> None:
+    def __init__(self, experiment: Experiment, *, scheme: str = "") -> None:
         self.experiment = experiment
+        self.scheme = scheme or f"the integrator {experiment.integrator!r}"
+        geometry = experiment.geometry
+        rigid = {"tension": geometry.bars.rigid, "moment": geometry.hinges.rigid}
+        self._determined = {name: ~which for name, which in rigid.items() if which.any()}
+        self._extent = float(np.ptp(geometry.positions, axis=0).max())
+        weight = float(geometry.masses.sum() * np.linalg.norm(experiment.gravity))
+        self._negligible = NEGLIGIBLE * weight * self._extent
         self._start = 0.0
         self._gap = self._gap_at = 0.0
         self._kinetic = self._size = 0.0
@@ -66,7 +77,14 @@ class RunWatch:
 
     def sound(self, first: int, block: FrameBuffer) -> int:
         """Look at a block; return how many of its frames, from the first, hold finite numbers."""
-        count = self._finite(block)
+        count = len(block.x)
+        for name, _ in _SERIES:
+            column = self._column(block, name)
+            with np.errstate(over="ignore", invalid="ignore"):
+                total = float(column.sum())
+            if not np.isfinite(total):
+                bad = ~np.isfinite(column.reshape(len(column), -1)).all(axis=1)
+                count = min(count, int(np.argmax(bad)) if bad.any() else count)
         if count:
             head = FrameBuffer(*(column[:count] for column in block))
             self._weigh(first, head)
@@ -76,20 +94,29 @@ class RunWatch:
 
     def not_finite(self, first: int, block: FrameBuffer) -> Diverged:
         """Return the error for the first frame of a block, which is not finite."""
-        what, place = next(
-            (words, np.argwhere(~np.isfinite(getattr(block, name)[0]))[0].tolist())
+        name, what = next(
+            (name, words)
             for name, words in _SERIES
-            if not np.isfinite(getattr(block, name)[0]).all()
+            if not np.isfinite(self._column(block, name)[0]).all()
         )
+        place = int(np.argwhere(~np.isfinite(self._column(block, name)[0]))[0][0])
+        if name in self._determined:
+            place = int(np.flatnonzero(self._determined[name])[place])
         time = first * self.experiment.save_interval
         return Diverged(
-            f"{what} (number {place[0]}) is no finite number by t = {time:.6g} s",
+            f"{what} (number {place}) is no finite number by t = {time:.6g} s",
             expected="finite numbers",
             fix="look there for a number too large for"
             f" {self.experiment.precision}, or a bar of no length; frames before are in the"
             " partial file",
             key="simulation.dt",
         )
+
+    def _column(self, block: FrameBuffer, name: str) -> NDArray[np.float64]:
+        """Return a column without what may be NaN: reactions of redundant rigid elements."""
+        column: NDArray[np.float64] = getattr(block, name)
+        keep = self._determined.get(name)
+        return column if keep is None else column[:, keep]
 
     def close(self) -> None:
         """Refuse a finished run whose motion the scheme made.
@@ -101,7 +128,7 @@ class RunWatch:
         if self._made_at is None or not self._gap > MADE * self._moving:
             return
         raise Diverged(
-            f"the integrator {self.experiment.integrator!r} made {self._gap:.3g} J of energy by"
+            f"{self.scheme} made {self._gap:.3g} J of energy by"
             f" t = {self._gap_at:.6g} s, {self._gap / self._moving:.2g} of what moves, more than"
             f" half of it from t = {self._made_at:.6g} s on",
             expected="energy that only actuators and gravity bring in",
@@ -155,14 +182,15 @@ class RunWatch:
         """What rounding may have done to the balance [J]."""
         experiment = self.experiment
         steps = experiment.steps_per_frame * experiment.n_frames
-        return float(np.finfo(experiment.precision).eps) * self._size * (100.0 + steps)
+        eps = float(np.finfo(experiment.precision).eps)
+        return eps * self._size * (100.0 + steps) + self._negligible
 
     def _balance(self) -> Iterator[str]:
         share = abs(self._gap) / self._moving if self._moving > 0.0 else 0.0
         if share > TOLD and abs(self._gap) > self._rounding:
             done = "took" if self._gap < 0.0 else "made"
             yield (
-                f"the integrator {self.experiment.integrator!r} {done} {abs(self._gap):.3g} J of"
+                f"{self.scheme} {done} {abs(self._gap):.3g} J of"
                 f" energy by t = {self._gap_at:.6g} s, {share:.2g} of what moves back and forth:"
                 " a smaller dt or tolerance keeps it"
             )
@@ -227,26 +255,10 @@ class RunWatch:
                     f" that, {share:.2g} of the motion in a step; lower the tolerance"
                 )
         step = self._fast * experiment.dt
-        if not adaptive and step > 0.0 and eps * self._far > COARSE * step:
+        moves = self._fast * experiment.duration > NEGLIGIBLE * self._extent
+        if not adaptive and moves and eps * self._far > COARSE * step:
             yield (
                 f"coordinates reach {self._far:.3g} m and are rounded to {eps * self._far:.2g} m,"
                 f" and nothing moves more than {step:.2g} m in a step of {experiment.dt:g} s:"
                 " motion is lost in rounding; take a larger dt, or move the body to the origin"
             )
-
-    # --- numbers ----------------------------------------------------------------------------
-
-    @staticmethod
-    def _finite(block: FrameBuffer) -> int:
-        """Return how many frames, from the first, have only finite numbers."""
-        count = len(block.x)
-        for name, _ in _SERIES:
-            column = getattr(block, name)
-            with np.errstate(over="ignore", invalid="ignore"):
-                total = float(column.sum())
-            if np.isfinite(total):
-                continue
-            bad = ~np.isfinite(column.reshape(len(column), -1)).all(axis=1)
-            if bad.any():
-                count = min(count, int(np.argmax(bad)))
-        return count
