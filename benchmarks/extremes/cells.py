@@ -232,7 +232,12 @@ def all_finite(path: Path) -> bool:
 
 
 def with_step(
-    experiment: Experiment, way: Way, *, fraction: float = 0.25, slow: float, tolerance: float = 1e-9
+    experiment: Experiment,
+    way: Way,
+    *,
+    fraction: float = 0.25,
+    slow: float,
+    tolerance: float = 1e-9,
 ) -> Experiment:
     """Return the experiment with the integrator, and a step that suits it.
 

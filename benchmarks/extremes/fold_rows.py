@@ -15,7 +15,9 @@ from openprc.schema.experiment import Experiment
 REFERENCE = "largest error of a coordinate against dop853 at tolerance 1e-12"
 
 
-def fold_row(name: str, level: str, scene: Experiment, *, slow: float, quick: bool = True) -> Extreme:
+def fold_row(
+    name: str, level: str, scene: Experiment, *, slow: float, quick: bool = True
+) -> Extreme:
     """Return a row that is judged by a converged reference."""
     reference = converged(lambda: scene)
 
@@ -54,8 +56,13 @@ def collinear() -> Iterator[Extreme]:
     for decade in (-1, -2, -3, -4, -6, -8, -10):
         h = 10.0**decade
         scene = fold(np.pi - 0.1, altitude=h, stiffness=1e-3 * h, bar_stiffness=100.0)
-        yield fold_row("wing's altitude", f"1e{decade} m", replace(scene, duration=0.5), slow=1e-3,
-                       quick=decade in (-1, -4, -10))
+        yield fold_row(
+            "wing's altitude",
+            f"1e{decade} m",
+            replace(scene, duration=0.5),
+            slow=1e-3,
+            quick=decade in (-1, -4, -10),
+        )
     # Bars that pull the wing onto the crease line.
     scene = fold(np.pi - 0.5, altitude=0.1, stiffness=1e-2, bar_stiffness=100.0)
     bars = replace(scene.geometry.bars, rest_length=[0.45, 0.45])

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 from bodies import X, Y
-from cells import TOLERANCE, Cell, all_finite
+from cells import TOLERANCE, Cell, Kind, all_finite
 from report import messages, short
 from rich.table import Table
 
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import Diverged, OpenPRCError, UnsupportedScene
 from openprc.hooks import run_experiment
 from openprc.hooks.registry import default_registry
@@ -64,9 +65,7 @@ def cantilever() -> Experiment:
         velocities=velocities,
         masses=np.full(n, 0.01),
         fixed=np.arange(n) < 2,
-        bars=Bars(
-            indices=bars, stiffness=np.full(n - 1, 1e4), rest_length=np.full(n - 1, length)
-        ),
+        bars=Bars(indices=bars, stiffness=np.full(n - 1, 1e4), rest_length=np.full(n - 1, length)),
         bends=Bends(indices=bends, stiffness=np.full(n - 2, 1.0)),
     )
     return Experiment(geometry=geometry, duration=1.0, dt=1e-3, save_interval=1e-2)
@@ -74,8 +73,6 @@ def cantilever() -> Experiment:
 
 def run(place: Place) -> Cell:
     """Run one cell."""
-    from openprc.demlat.planning.stability import step_limit
-
     scene = replace(cantilever(), integrator="verlet", step_check=place.check)
     dt = place.fraction * step_limit(scene).limit
     scene = replace(scene, dt=dt, save_interval=10 * dt, duration=2000 * dt)
@@ -94,18 +91,18 @@ def run(place: Place) -> Cell:
     )
 
 
-def _outcome(place: Place, scene: Experiment):
+def _outcome(
+    place: Place, scene: Experiment
+) -> tuple[Kind, float | None, float | None, tuple[str, ...]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         save_experiment(scene, folder)
         try:
-            path = run_experiment(
-                folder, producer=place.producer, options=dict(place.options)
-            ).path
+            path = run_experiment(folder, producer=place.producer, options=dict(place.options)).path
         except Diverged as error:
             found = re.search(r"t = (\S+) s", error.found)
             finite = all_finite(folder / "output" / "simulation.h5.partial")
-            kind = "diverged, told" if finite else "SILENT"
+            kind: Kind = "diverged, told" if finite else "SILENT"
             return kind, None, float(found.group(1)) if found else None, (_words(error),)
         except UnsupportedScene as error:
             return "refused", None, None, (_words(error),)

@@ -26,9 +26,7 @@ def converged(build: Callable[[], Experiment], *, tolerance: float = 1e-12) -> C
 
     @cache
     def frames() -> Reals:
-        experiment = replace(
-            build(), integrator="dop853", tolerance=tolerance, precision="float64"
-        )
+        experiment = replace(build(), integrator="dop853", tolerance=tolerance, precision="float64")
         experiment = replace(experiment, dt=experiment.save_interval)
         with tempfile.TemporaryDirectory() as name:
             save_experiment(experiment, name)

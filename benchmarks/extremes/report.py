@@ -71,7 +71,7 @@ def tables(rows: Sequence[Extreme], cells: Sequence[Cell]) -> list[Table]:
 def markdown(rows: Sequence[Extreme], cells: Sequence[Cell]) -> str:
     """Return tables, measures and messages."""
     parts = [
-        "A number is the error that the row's measure says; \"exact\" is an error of at most 1e-9."
+        'A number is the error that the row\'s measure says; "exact" is an error of at most 1e-9.'
         ' "told" stands where the user was warned of it in words, "refused" where nothing was run,'
         ' "diverged" where the run was stopped at that time and left no result.'
         ' "SILENT" would be a wrong result without a word.'

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from bodies import X, Y, Z, against, bar_table
-from cells import SINGLE_WAYS, WAYS, Extreme, Way, with_step
+from cells import SINGLE_WAYS, WAYS, Extreme, with_step
 from references import Reals
 
 from openprc.demlat import BarHingeModel
@@ -22,9 +22,7 @@ def rigid_body(
     positions: Reals, pairs: list[tuple[int, int]], masses: list[float], fixed: list[bool]
 ) -> Geometry:
     """Return nodes on rigid bars of the lengths that they have."""
-    rows = [
-        (i, j, 1.0, float(np.linalg.norm(positions[i] - positions[j])), 0.0) for i, j in pairs
-    ]
+    rows = [(i, j, 1.0, float(np.linalg.norm(positions[i] - positions[j])), 0.0) for i, j in pairs]
     bars = bar_table(rows, rigid=np.ones(len(rows), dtype=bool))
     return Geometry(positions=positions, masses=masses, fixed=fixed, bars=bars)
 
@@ -54,16 +52,25 @@ def finer(scene: Experiment) -> Callable[[], Reals]:
     return once
 
 
-def row(name: str, level: str, scene: Experiment, judge=None, measure: str = "", **more) -> Extreme:
-    """Return a row of a rigid scene."""
+def row(
+    name: str,
+    level: str,
+    scene: Experiment,
+    judge: Callable[[Trajectory], float] | None = None,
+    *,
+    measure: str = "largest error of a coordinate against rk4-dae at a fine step",
+    quick: bool = True,
+    slow: float = 5e-4,
+) -> Extreme:
+    """Return a row of a rigid scene, in steps of at most `slow` [s]."""
     return Extreme(
         name=name,
         level=level,
-        build=lambda way: with_step(scene, way, slow=5e-4),
+        build=lambda way: with_step(scene, way, slow=slow),
         judge=judge or against(finer(scene)),
-        measure=measure or "largest error of a coordinate against rk4-dae at a fine step",
+        measure=measure,
+        quick=quick,
         ways=EVERY,
-        **more,
     )
 
 
@@ -73,8 +80,12 @@ def chains() -> Iterator[Extreme]:
         positions = np.outer(np.arange(4.0), X)
         masses = [1.0, 1.0, ratio, 1.0]
         geometry = rigid_body(positions, [(0, 1), (1, 2), (2, 3)], masses, [True] + [False] * 3)
-        yield row("rigid chain, mass ratio", f"{ratio:g}", scene_of(geometry, duration=0.5),
-                  quick=ratio in (1e-6, 1e6))
+        yield row(
+            "rigid chain, mass ratio",
+            f"{ratio:g}",
+            scene_of(geometry, duration=0.5),
+            quick=ratio in (1e-6, 1e6),
+        )
 
 
 def still(run: Trajectory) -> float:
@@ -95,15 +106,30 @@ def edges() -> Iterator[Extreme]:
         exact = x[0] + drop[:, None, None] * Z
         return float(np.abs(x - exact).max() / 4.905)
 
-    yield row("redundant rigid bars", "1 too many", scene_of(geometry), falls,
-              "largest error of a free fall over its depth")
+    yield row(
+        "redundant rigid bars",
+        "1 too many",
+        scene_of(geometry),
+        falls,
+        measure="largest error of a free fall over its depth",
+    )
     line = np.array([0.0 * X, X, 2.0 * X])
     geometry = rigid_body(line, [(0, 1), (1, 2)], [1.0] * 3, [True, False, True])
     scene = replace(scene_of(geometry), gravity=(0.0, 0.0, 0.0))
-    yield row("straight rigid chain between walls", "at rest", scene, still,
-              "largest displacement of a body that should rest")
-    yield row("straight rigid chain between walls", "gravity across", scene_of(geometry), still,
-              "largest displacement: to first order it is a mechanism, to second it cannot move")
+    yield row(
+        "straight rigid chain between walls",
+        "at rest",
+        scene,
+        still,
+        measure="largest displacement of a body that should rest",
+    )
+    yield row(
+        "straight rigid chain between walls",
+        "gravity across",
+        scene_of(geometry),
+        still,
+        measure="largest displacement: to first order it is a mechanism, to second it cannot move",
+    )
     for bow in (1e-3, 1e-6):
         bent = line + bow * np.array([[0.0], [1.0], [0.0]]) * Z
         geometry = rigid_body(bent, [(0, 1), (1, 2)], [1.0] * 3, [True, False, True])
@@ -115,9 +141,15 @@ def edges() -> Iterator[Extreme]:
             exact = bow * np.stack([np.sin(turn), np.cos(turn)], axis=1)
             return float(np.abs(run.positions()[:, 1, 1:] - exact).max() / bow)
 
-        yield row("nearly straight rigid chain", f"bow {bow:g} m", scene, circles,
-                  "largest error of the middle on its circle over the circle's radius",
-                  quick=bow == 1e-3)
+        yield row(
+            "nearly straight rigid chain",
+            f"bow {bow:g} m",
+            scene,
+            circles,
+            measure="largest error of the middle on its circle over the circle's radius",
+            quick=bow == 1e-3,
+            slow=0.02 * bow,
+        )
     sheet = np.array([[i, j, 0.0] for i in range(3) for j in range(3)], dtype=float)
     apart = np.abs(sheet[:, None] - sheet[None, :]).sum(axis=2)
     pairs = [(i, j) for i in range(9) for j in range(i) if apart[i, j] == 1.0]

@@ -65,6 +65,8 @@ def main() -> None:
             bar.update(task, description=f"{row.name} {row.level}: {way.integrator}")
             cells.append(run_cell(row, way))
             bar.advance(task)
+            if options.markdown:  # a long study can be read while it goes on
+                options.markdown.write_text(markdown(rows, cells))
         others = []
         for place in producers:
             bar.update(task, description=f"{place.name} {place.level}: {place.producer}")

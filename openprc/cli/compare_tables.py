@@ -102,6 +102,9 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"{name}: {judged.text}"
         if judged.horizon is not None:
             yield f"  up to then the rms difference is {judged.rms_before:.3g} {report.unit}"
+    for name in report.files:
+        for remark in report.remarks(name):
+            yield f"{name}: {printable(remark)}"
     for name, results in report.probes.items():
         for one in results:
             if one.within:

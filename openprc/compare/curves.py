@@ -8,18 +8,13 @@ import numpy as np
 
 from openprc.analysis.visualization.figure import new_figure
 from openprc.compare.pictures import run_colours
-from openprc.schema.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from openprc.compare.report import Report
 
-    Reals = NDArray[np.float64]
-
 _SIZE = (8.0, 4.0)
-_SAMPLES = 2000
 #: Densities below this share of the largest are rounding, and would flatten the rest.
 _FLOOR = 1e-14
 
@@ -61,14 +56,12 @@ def spectrum_curves(report: Report) -> Figure | None:
 
 def energy_curves(report: Report) -> Figure | None:
     """Draw the total energy that every run recorded, less what it began with."""
-    curves = {name: _energy(report, name) for name in report.files}
-    known = {name: curve for name, curve in curves.items() if curve is not None}
-    if not known:
+    if not report.energies:
         return None
     colours = run_colours(report)
     figure = new_figure(_SIZE)
     axes = figure.add_subplot()
-    for name, (times, energy) in known.items():
+    for name, (times, energy) in report.energies.items():
         reference = name == report.reference
         axes.plot(
             times, energy, color=colours[name], label=name,
@@ -78,15 +71,6 @@ def energy_curves(report: Report) -> Figure | None:
     axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
-
-
-def _energy(report: Report, name: str) -> tuple[Reals, Reals] | None:
-    with Trajectory(report.files[name]) as run:
-        if "total_energy" not in run.systems or run.time_kind != "physical":
-            return None
-        step = max(1, run.n_frames // _SAMPLES)
-        energy = run.system("total_energy", unit="J")[::step]
-        return run.time[::step], energy - energy[0]
 
 
 __all__ = ["energy_curves", "spectrum_curves"]

@@ -105,17 +105,21 @@ def pair_energies(
 ) -> PairEnergies | None:
     """Return the energies of a pair, None where neither file has any.
 
-    A kinetic energy that is not stored is computed where masses and velocities are.
+    A kinetic energy that is not stored is computed from masses and velocities, where the other
+    file has one to compare with.
     """
     stored = tuple(_stored(trajectory) for trajectory in (reference, other))
     computed = []
-    for name, trajectory, energies in zip(
-        ("reference", "other"), (reference, other), stored, strict=True
+    files = (("reference", reference), ("other", other))
+    if all(
+        "kinetic_energy" in energies or _has_kinetic(trajectory)
+        for (_, trajectory), energies in zip(files, stored, strict=True)
     ):
         # Worth reading all velocities only where there is something to compare with.
-        if "kinetic_energy" not in energies and _has_kinetic(trajectory):
-            energies["kinetic_energy"] = kinetic_energy(trajectory)
-            computed.append(name)
+        for (name, trajectory), energies in zip(files, stored, strict=True):
+            if "kinetic_energy" not in energies:
+                energies["kinetic_energy"] = kinetic_energy(trajectory)
+                computed.append(name)
     if not any(stored):
         return None
     differences = []
@@ -196,7 +200,7 @@ def kinetic_energy(trajectory: Trajectory) -> Reals:
     energy = np.empty(trajectory.n_frames)
     for start in range(0, trajectory.n_frames, step):
         v = np.nan_to_num(trajectory.velocities(slice(start, start + step), unit="m/s"))
-        energy[start : start + len(v)] = 0.5 * np.einsum("tnd,tnd,n->t", v, v, mass)
+        energy[start : start + len(v)] = 0.5 * (np.einsum("tnd,tnd->tn", v, v) @ mass)
     return energy
 
 

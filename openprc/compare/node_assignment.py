@@ -61,6 +61,11 @@ def neighbour_distance(places: Reals) -> float:
     return float(np.median(apart)) if len(apart) else np.inf
 
 
+def nearest_distance(x: Reals, y: Reals) -> float:
+    """Return the distance of the nearest pair of a place in x and one in y."""
+    return float(_tree(x).query(y)[0].min())
+
+
 def assign(
     x: Reals, y: Reals, *, limit: float, fit: bool, scale: bool, reflect: bool
 ) -> Assignment:
@@ -148,8 +153,9 @@ def _assigned(x: Reals, y: Reals, limit: float, motion: RigidMotion | None) -> A
 
 def _best(x: Reals, y: Reals, limit: float) -> tuple[Indices, Indices]:
     from scipy.optimize import linear_sum_assignment
+    from scipy.spatial.distance import cdist
 
-    squares = ((x[:, np.newaxis] - y) ** 2).sum(axis=2)
+    squares = cdist(x, y, "sqeuclidean")
     if np.isfinite(limit):
         # Beyond the limit all are equally bad: one stray node then displaces no other.
         squares = np.minimum(squares, 4.0 * limit**2)
@@ -177,4 +183,4 @@ def _tree(places: Reals) -> Any:
     return cKDTree(places)
 
 
-__all__ = ["MANY", "Assignment", "assign", "neighbour_distance"]
+__all__ = ["MANY", "Assignment", "assign", "nearest_distance", "neighbour_distance"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.compare.clocks import node_names
-from openprc.compare.node_assignment import assign, neighbour_distance
+from openprc.compare.node_assignment import assign, nearest_distance, neighbour_distance
 from openprc.compare.rigid_motion import fit_rigid_motion
 from openprc.errors import ConfigError, MissingData
 
@@ -219,10 +219,9 @@ def _by_place(
         x, y, limit=limit, fit=fit, scale=settings.scale == "fit", reflect=settings.reflect
     )
     if not len(found.reference):
-        apart = np.sqrt(((x[:, np.newaxis] - y[np.newaxis, :MAX_LISTED]) ** 2).sum(axis=2)).min()
         raise ConfigError(
             f"no node of it is within {limit:.3g} of a node of {files[0].path.name}; the nearest"
-            f" pair is {float(apart):.3g} apart",
+            f" pair is {nearest_distance(x, y):.3g} apart",
             expected="nodes of one body at about the same places",
             fix='let rigid_motion="first" bring the bodies together, raise match_limit, or name'
             " pairs",
@@ -249,10 +248,6 @@ def _by_place(
                 " instant and stay unmatched"
             )
     return _made("assignment", i[order], j[order], names, notes)
-
-
-#: Places that are looked at for the distance in an error message.
-MAX_LISTED = 2000
 
 
 def _made(

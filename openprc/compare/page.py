@@ -123,9 +123,10 @@ def _sections(report: Report) -> Iterator[str]:
     if report.runs:
         yield "<h2>What was modelled</h2>"
         yield _modelled(report)
-    if report.notes:
+    remarks = [f"{name}: {said}" for name in report.files for said in report.remarks(name)]
+    if remarks or report.notes:
         yield "<h2>Notes</h2>"
-        yield _list(report.notes)
+        yield _list([*remarks, *report.notes])
 
 
 def _runs(report: Report) -> str:

@@ -20,7 +20,7 @@ from openprc.compare.pair_sums import PairSums, speed_reader
 from openprc.compare.paired_frames import PairedFrames, SampledFile, refuse_too_large
 from openprc.compare.rigid_motion import RigidMotion, fit_rigid_motion
 from openprc.compare.time_shift import TimeShift, estimate_shift
-from openprc.errors import MissingData
+from openprc.errors import ConfigError, MissingData
 from openprc.schema import units
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def compare_pair(
     )
     notes += match.notes
     if estimated:
+        _refuse_no_time(clocks, other)
         readers = tuple(
             FrameReader(t, c, nodes=n, filled=settings.filled)
             for t, c, n in (
@@ -141,6 +142,17 @@ def compare_pair(
         ),
         notes=tuple(dict.fromkeys([*notes, *found.notes])),
     )
+
+
+def _refuse_no_time(clocks: ClockPair, other: Trajectory) -> None:
+    if clocks.kind != "time":
+        raise ConfigError(
+            f"a time shift is to be estimated, and the clock is the {clocks.text}",
+            expected="two runs in time",
+            fix="leave time_shift out, or give it as a number",
+            file=other.path,
+            key="time_shift",
+        )
 
 
 def _common(

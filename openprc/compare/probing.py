@@ -1,4 +1,4 @@
-"""Numbers that are known of a scene, measured in a run of it."""
+"""What is asked of a single run: numbers that are known of its scene, and its energy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ from openprc.errors import OpenPRCError
 from openprc.schema.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from openprc.scenes.scene import Scene
+
+    Reals = NDArray[np.float64]
+
+_SAMPLES = 1000
 
 
 def probe_run(path: Path, scene: Scene) -> tuple[ProbeResult, ...]:
@@ -42,4 +48,17 @@ def probe_run(path: Path, scene: Scene) -> tuple[ProbeResult, ...]:
     return tuple(results)
 
 
-__all__ = ["probe_run"]
+def energy_over_time(path: Path) -> tuple[Reals, Reals] | None:
+    """Return times [s] and the total energy less that of the first frame [J], thinned.
+
+    None where the run did not record one.
+    """
+    with Trajectory(path) as run:
+        if "total_energy" not in run.systems or run.time_kind != "physical":
+            return None
+        step = -(-run.n_frames // _SAMPLES)
+        energy = run.system("total_energy", unit="J")[::step]
+        return run.time[::step], energy - energy[0]
+
+
+__all__ = ["energy_over_time", "probe_run"]

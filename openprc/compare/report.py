@@ -15,12 +15,16 @@ from openprc.compare.producers import COST_TEXT
 from openprc.schema.atomic import atomic_file
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from openprc.compare.chaos import Divergence
     from openprc.compare.comparison import Comparison, PairComparison
     from openprc.compare.producers import ProducerRun
     from openprc.compare.task_scores import TaskScores
     from openprc.compare.twins import TwinStudy
     from openprc.scenes.physics import Physics
+
+    Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +97,8 @@ class Report:
         Of every run that is compared.
     probes : mapping of str to tuple of ProbeResult
     scores : mapping of str to TaskScores
+    energies : mapping of str to (K,) [s] and (K,) [J]
+        Times, and the total energy less that of the first frame, of runs that recorded it.
     twins : TwinStudy or None
     notes : tuple of str
     """
@@ -108,6 +114,7 @@ class Report:
     divergences: Mapping[str, Divergence] = field(default_factory=dict)
     probes: Mapping[str, tuple[ProbeResult, ...]] = field(default_factory=dict)
     scores: Mapping[str, TaskScores] = field(default_factory=dict)
+    energies: Mapping[str, tuple[Reals, Reals]] = field(default_factory=dict)
     twins: TwinStudy | None = None
     notes: tuple[str, ...] = ()
 
@@ -134,6 +141,21 @@ class Report:
         compared = [other for other in self.files if other != self.reference]
         found = dict(zip(compared, self.comparison.pairs, strict=True))
         return found.get(name)
+
+    def remarks(self, name: str) -> tuple[str, ...]:
+        """Return what a reader of a run's figures should know: nodes, clocks, drives."""
+        pair = self.pair(name)
+        if pair is None:
+            return ()
+        said = list(pair.notes)
+        if pair.unmatched:
+            said.insert(0, f"{len(pair.unmatched)} nodes of the reference are not in it")
+        if pair.interpolant != "none":
+            said.append(f"the {pair.interpolated} was read between its frames ({pair.interpolant})")
+        # The known motion of a scene, for one, does not say what drove it.
+        if pair.drive.verdict in ("scaled", "different"):
+            said.append(pair.drive.text)
+        return tuple(said)
 
     @property
     def score_differences(self) -> dict[str, dict[str, float]]:
@@ -163,10 +185,15 @@ class Report:
             "producers": [run.as_dict() for run in self.runs],
             "physics": [item.as_dict() for item in self.physics],
             "comparison": None if self.comparison is None else self.comparison.as_dict(),
+            "remarks": {name: self.remarks(name) for name in self.files},
             "divergences": {name: one.as_dict() for name, one in self.divergences.items()},
             "probes": {name: [one.as_dict() for one in row] for name, row in self.probes.items()},
             "scores": {name: one.as_dict() for name, one in self.scores.items()},
             "score_differences": self.score_differences,
+            "energies": {
+                name: {"times_s": times, "energy_J": energy}
+                for name, (times, energy) in self.energies.items()
+            },
             "twins": None if self.twins is None else self.twins.as_dict(),
             "notes": list(self.notes),
         }

@@ -107,7 +107,8 @@ def fit_rigid_motion(
     for x, y in pairs:
         if origins is None or sums is None or cross is None:
             d = x.shape[2]
-            origins = np.stack([_middle(x), _middle(y)])
+            # Of one frame, so that the result does not depend on the size of blocks.
+            origins = np.stack([_middle(x[:1]), _middle(y[:1])])
             sums, cross = np.zeros(2 * d + 3), np.zeros((d, d))
         add_moments(np.ascontiguousarray(x), np.ascontiguousarray(y), origins, sums, cross)
     if sums is None or cross is None or origins is None or not sums[-1]:

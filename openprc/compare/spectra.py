@@ -20,6 +20,8 @@ LONGEST, FEWEST = 1 << 13, 5
 COHERENT = 4
 #: Peaks that are listed, and how far each stands out, in units of the largest.
 PEAKS, PROMINENCE = 5, 1e-3
+#: A peak is a line where its third value is this close to what the window makes of one.
+LINE = 0.05
 
 
 @dataclass(frozen=True)
@@ -228,8 +230,9 @@ class SpectraSums:
 def spectral_peaks(frequencies: Reals, density: Reals) -> Reals:
     """Return the frequencies of the largest peaks, largest first: (k,) [Hz].
 
-    A parabola through the logarithms of three values stands for the main lobe of the Hann
-    window (Gasior & Gonzalez 2004, doi:10.1063/1.1831158).
+    A line as narrow as the Hann window shows it is placed by the ratio of two values (Grandke
+    1983, doi:10.1109/TIM.1983.4315077, eq. 9), a broader peak by a parabola through the
+    logarithms of three.
 
     Parameters
     ----------
@@ -244,12 +247,24 @@ def spectral_peaks(frequencies: Reals, density: Reals) -> Reals:
     found, _ = find_peaks(density, prominence=PROMINENCE * top)
     found = found[found > 0]
     found = found[np.argsort(density[found])[::-1]][:PEAKS]
-    with np.errstate(divide="ignore"):
-        logs = np.log(np.stack([density[found - 1], density[found], density[found + 1]]))
-    bend = logs[0] - 2.0 * logs[1] + logs[2]
-    usable = np.isfinite(bend) & (bend < 0)
-    offset = np.where(usable, (logs[0] - logs[2]) / np.where(usable, 2.0 * bend, 1.0), 0.0)
+    offset = np.array([_offset(np.sqrt(density[k - 1 : k + 2])) for k in found if k > 0])
     return (found + offset) * frequencies[1]
+
+
+def _offset(amplitudes: Reals) -> float:
+    """Return where a peak is between the bins, from that of its largest value: three values."""
+    low, top, high = (float(value) for value in amplitudes)
+    side = 1.0 if high >= low else -1.0
+    ratio, other = max(low, high) / top, min(low, high) / top
+    line = (2.0 * ratio - 1.0) / (ratio + 1.0)
+    # What the window makes of a line on the side away from it.
+    if abs(other - (1.0 - line) / (2.0 + line)) < LINE:
+        return side * line
+    if not other > 0:
+        return 0.0
+    logs = np.log([low, top, high])
+    bend = float(logs[0] - 2.0 * logs[1] + logs[2])
+    return 0.5 * float(logs[0] - logs[2]) / bend if bend < 0 else 0.0
 
 
 __all__ = ["NODES", "Spectra", "SpectraSums", "segment_length", "spectral_peaks"]

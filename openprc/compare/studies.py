@@ -11,7 +11,7 @@ import numpy as np
 
 from openprc.compare.chaos import judge_difference
 from openprc.compare.load_steps import counts_increments, time_increments
-from openprc.compare.probing import probe_run
+from openprc.compare.probing import energy_over_time, probe_run
 from openprc.compare.producers import ProducerRun, run_producers
 from openprc.compare.reference_run import reference_name, write_exact
 from openprc.compare.report import Report
@@ -21,6 +21,8 @@ from openprc.hooks.running import silent
 from openprc.schema.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from openprc.compare.alignment_settings import AlignmentSettings
     from openprc.compare.comparison import Comparison
     from openprc.compare.requests import Request
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from openprc.hooks.registry import Registry
     from openprc.scenes.scene import Scene
     from openprc.schema.experiment import Experiment
+
+    Reals = NDArray[np.float64]
 
 #: Twins are only run where a difference, over the scale, is worth explaining.
 WORTH_TWINS = 1e-3
@@ -89,6 +93,7 @@ def compare_runs(
             if scale is not None
         },
         scores=scores,
+        energies=_energies(files),
     )
 
 
@@ -176,6 +181,7 @@ def compare_producers(
         },
         probes={} if scene is None else {n: probe_run(p, scene) for n, p in measured.items()},
         scores=_scores(measured, scene, choices, progress=_part(progress, 0.85, 1.0)),
+        energies=_energies(files),
         twins=twins,
         notes=(*notes, *remarks),
     )
@@ -305,6 +311,11 @@ def _twins(
     except OpenPRCError as error:
         return None, (f"no perturbed twins: {error.found}",)
     return study, ()
+
+
+def _energies(files: Mapping[str, Path]) -> dict[str, tuple[Reals, Reals]]:
+    found = {name: energy_over_time(path) for name, path in files.items()}
+    return {name: curve for name, curve in found.items() if curve is not None}
 
 
 def _scores(

@@ -3,106 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from openprc.demlat.integrators import INTEGRATORS
 from openprc.errors import TaskError
-from openprc.hooks.registry import default_registry
 from openprc.hooks.running import silent
-from openprc.tradeoff import ladders
-from openprc.tradeoff.pareto import cost_of, cpu_seconds, pareto_front
+from openprc.tradeoff.after_run import measure_downstream
+from openprc.tradeoff.axes import measure_group
+from openprc.tradeoff.choices import Choices
+from openprc.tradeoff.pareto import pareto_front
 from openprc.tradeoff.point import Point
-from openprc.tradeoff.reference import ROUNDING, ConvergedReference, has_constraints
+from openprc.tradeoff.reference import ConvergedReference
 from openprc.tradeoff.reference_file import kept_reference
 from openprc.tradeoff.scene_digest import scene_digest
+from openprc.tradeoff.scoring import REFERENCE as REFERENCE_GROUP
 from openprc.tradeoff.scoring import score_points
-from openprc.tradeoff.settings import ENGINE_GROUPS, GROUPS, OFFERED, check_names
+from openprc.tradeoff.settings import ENGINE_GROUPS
 from openprc.tradeoff.store import PointStore
 from openprc.tradeoff.workbench import BudgetSpent, Workbench
 
 if TYPE_CHECKING:
     from openprc.hooks.protocols import Progress
     from openprc.scenes.scene import Scene
-    from openprc.schema.experiment import Experiment
 
-#: Errors below this are of no use to anyone, and cost the most to measure.
-GOOD_ENOUGH = 3e-9
-#: With a target, ladders end this far below it.
-BELOW_TARGET = 0.1
-#: The reference is known to this share of a target.
-OF_TARGET = 1e-3
-#: Refined are ladders that reach the target for up to so many times the least cost.
-NEAR = 2.0
 POINTS, REFERENCE = "points.jsonl", "reference.npz"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Choices:
-    """What is studied, and for how long.
-
-    Parameters
-    ----------
-    groups : tuple of str
-        Some of `openprc.tradeoff.settings.GROUPS`.
-    integrators : tuple of str, optional
-        By default all, but those for constraints where there are none.
-    target : float, optional [1]
-        Error that is wanted: ladders end below it, and are refined around it.
-    metric : str
-        What it is an error of: "trajectory", or a figure of `openprc.compare.task_scores`.
-    longest : float [s]
-        CPU time that one run may take.
-    budget : float, optional [s]
-        Wall-clock time for all measurements.
-    rounds : int
-        Timings that a CPU time is the median of.
-    folder : Path, optional
-        Where points and reference are kept, so that an interrupted study is continued.
-
-    Raises
-    ------
-    ConfigError
-        When a group or an integrator is not there.
-    """
-
-    groups: tuple[str, ...] = ("integrator", "constraints", "precision", "storage")
-    integrators: tuple[str, ...] | None = None
-    target: float | None = None
-    metric: str = "trajectory"
-    longest: float = 5.0
-    budget: float | None = None
-    rounds: int = 3
-    folder: Path | None = None
-
-    def __post_init__(self) -> None:
-        check_names(self.groups, GROUPS, what="group")
-        check_names(self.integrators or (), OFFERED, what="integrator")
-
-    @property
-    def enough(self) -> float:
-        """Error at which ladders end."""
-        if self.target is None or self.metric != "trajectory":
-            return GOOD_ENOUGH
-        return max(BELOW_TARGET * self.target, GOOD_ENOUGH)
-
-    @property
-    def needed(self) -> float:
-        """How well the reference has to be known."""
-        if self.target is None or self.metric != "trajectory":
-            return ROUNDING
-        return max(OF_TARGET * self.target, ROUNDING)
-
-    def schemes(self, experiment: Experiment) -> tuple[str, ...]:
-        """Return the integrators that are tried on a scene."""
-        if self.integrators is not None:
-            return self.integrators
-        bound = has_constraints(experiment)
-        return tuple(n for n in OFFERED if bound or INTEGRATORS[n].rigid == "no")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +121,16 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
         When the folder holds points of another scene, or nothing moves.
     NotConverged
         When there is no reference.
+    TaskError
+        When a score is asked for, and no task can be scored.
     """
+    if choices.metric != "trajectory" and scene.input_name is None:
+        raise TaskError(
+            f"the scene {scene.name!r} with the metric {choices.metric!r}",
+            expected="a scene that random symbols drive",
+            fix="use --metric trajectory, or a driven scene such as hauser-network",
+            key="--metric",
+        )
     digest = scene_digest(scene.experiment)
     folder = choices.folder
     reference = kept_reference(
@@ -226,8 +160,11 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
     try:
         for number, group in enumerate(groups):
             begin, share = 0.8 * number / len(groups), 0.8 / len(groups)
-            _measure_group(bench, group, choices, progress=_part(progress, begin, share))
+            measure_group(bench, group, choices, progress=_part(progress, begin, share))
         bench.time_again(progress=_part(progress, 0.8, 0.1))
+        left_out += measure_downstream(
+            bench, scene, choices.groups, progress=_part(progress, 0.9, 0.0)
+        )
         scores, notes = _scores(bench, scene, choices, progress=_part(progress, 0.9, 0.1))
         left_out += notes
     except BudgetSpent:
@@ -241,7 +178,7 @@ def run_study(scene: Scene, choices: Choices, *, progress: Progress = silent) ->
     return Study(
         scene=scene,
         reference=reference,
-        points=tuple(point for point in store.points if point.group != "reference"),
+        points=tuple(point for point in store.points if point.group != REFERENCE_GROUP),
         reference_scores=scores,
         choices=choices,
         n_measured=bench.n_measured,
@@ -270,121 +207,3 @@ def _scores(
             raise
         return {}, [f"scores of tasks: {problem.found}"]
     return scores, [f"not scored: {note}" for note in notes]
-
-
-# --- groups -------------------------------------------------------------------------------------
-
-
-def _measure_group(bench: Workbench, group: str, choices: Choices, *, progress: Progress) -> None:
-    tasks = list(_TASKS[group](bench, choices))
-    for number, (name, task) in enumerate(tasks):
-        progress(number / len(tasks), name)
-        task()
-
-
-Tasks = Iterator[tuple[str, Callable[[], object]]]
-
-
-def _integrators(bench: Workbench, choices: Choices) -> Tasks:
-    for name in choices.schemes(bench.experiment):
-        yield (
-            name,
-            lambda name=name: ladders.integrator_ladder(bench, name, enough=choices.enough),
-        )
-    if choices.target is not None and choices.metric == "trajectory":
-        yield "around the target", lambda: refine(bench, "integrator", choices.target or 0.0)
-
-
-def _constraints(bench: Workbench, choices: Choices) -> Tasks:
-    for name in choices.schemes(bench.experiment):
-        base = _base(bench, name, choices)
-        if base is not None and INTEGRATORS[name].rigid != "no":
-            yield (
-                f"{name}, tolerance of constraints",
-                lambda base=base: ladders.constraint_ladder(bench, base),
-            )
-
-
-def _precision(bench: Workbench, choices: Choices) -> Tasks:
-    for name in ("rk4", "verlet", "dop853"):
-        if name in choices.schemes(bench.experiment):
-            yield (
-                f"{name} in float32",
-                lambda name=name: ladders.integrator_ladder(
-                    bench, name, enough=choices.enough, group="precision", precision="float32"
-                ),
-            )
-
-
-def _storage(bench: Workbench, choices: Choices) -> Tasks:
-    # What storing loses shows where nothing else is lost.
-    yield "storage", lambda: ladders.storage_points(bench, bench.reference.setting)
-
-
-def _backends(bench: Workbench, choices: Choices) -> Tasks:
-    for name in ("cpu", "jax", "cuda"):
-        yield f"rk4 on {name}", lambda name=name: ladders.backend_ladder(bench, name)
-
-
-def _models(bench: Workbench, choices: Choices) -> Tasks:
-    yield "rigid bars", lambda: ladders.rigid_ladders(bench, enough=choices.enough)
-    for item in default_registry().producers:
-        if "run" in item.spec.capabilities and item.name != "demlat":
-            yield (
-                item.name,
-                lambda item=item: ladders.producer_ladder(
-                    bench, item.qualified_name, label=item.name, enough=choices.enough
-                ),
-            )
-
-
-_TASKS: dict[str, Callable[[Workbench, Choices], Tasks]] = {
-    "integrator": _integrators,
-    "constraints": _constraints,
-    "precision": _precision,
-    "storage": _storage,
-    "backend": _backends,
-    "model": _models,
-}
-
-
-def _base(bench: Workbench, name: str, choices: Choices) -> Point | None:
-    """Return the point that other axes are varied at: as exact as wanted, or as can be had."""
-    measured = [p for p in bench.store.points if p.group == "integrator" and p.label == name]
-    return ladders.best_rung(measured, choices.enough)
-
-
-def refine(bench: Workbench, group: str, target: float) -> None:
-    """Measure settings that should just reach a target, on the ladders that reach it cheaply."""
-    found: dict[str, list[Point]] = {}
-    for point in bench.store.points:
-        if point.group == group and "step_check" not in point.setting:
-            found.setdefault(point.label, []).append(point)
-    costs = {label: cost_of(points, target, cost=cpu_seconds) for label, points in found.items()}
-    least = min((cost for cost in costs.values() if cost is not None), default=math.inf)
-    for label, points in found.items():
-        cost = costs[label]
-        if cost is None or cost > NEAR * least:
-            continue
-        setting = _between(points, target)
-        if setting is not None:
-            bench.measure(group, label, setting)
-
-
-def _between(points: Sequence[Point], target: float) -> dict[str, Any] | None:
-    """Return the setting between two rungs that should just reach the target."""
-    good = [p for p in points if p.trajectory_error]
-    for before, after in itertools.pairwise(good):
-        e0, e1 = before.trajectory_error or 0.0, after.trajectory_error or 0.0
-        if not e0 > target >= e1:
-            continue
-        share = math.log(e0 / (0.9 * target)) / math.log(e0 / e1)
-        if not 0.0 < share < 1.0:
-            return None
-        if "tolerance" in before.setting:
-            t0, t1 = before.setting["tolerance"], after.setting["tolerance"]
-            return {**before.setting, "tolerance": float(f"{t0 * (t1 / t0) ** share:.2g}")}
-        n0, n1 = before.setting["steps_per_frame"], after.setting["steps_per_frame"]
-        count = math.ceil(n0 * (n1 / n0) ** share)
-        return {**before.setting, "steps_per_frame": count} if n0 < count < n1 else None
-    return None

@@ -9,11 +9,11 @@ import pytest
 
 from openprc.compare.chaos import judge_difference
 from openprc.compare.growth import measure_growth, time_of_share
-from openprc.compare.requests import Request
 from openprc.compare.twins import displacements, twin_study
 from openprc.errors import ConfigError
 from openprc.hooks import run_experiment
 from openprc.scenes.catalog import build_scene, write_scene
+from openprc.schema import Provenance, TrajectoryWriter
 from openprc.testing import closed_form_scenes
 
 TIMES = np.linspace(0.0, 20.0, 2001)
@@ -107,10 +107,17 @@ def test_displacements_stay_in_the_plane_of_the_motion(tmp_path):
     assert np.sqrt((pattern**2).sum(axis=1).mean()) == pytest.approx(1.0)
 
 
-def test_a_body_at_rest_has_no_twins():
-    scene = closed_form_scenes.rest(1.0)
+def test_a_body_at_rest_has_no_twins(tmp_path):
+    experiment = closed_form_scenes.rest(1.0).experiment
+    path = tmp_path / "still.h5"
+    with TrajectoryWriter(path, provenance=Provenance("test")) as writer:
+        writer.declare_nodes(4, 3, unit="m")
+        writer.append([0.0, 1.0], positions=np.stack([experiment.geometry.positions] * 2))
     with pytest.raises(ConfigError, match="nothing moves in this run"):
-        twin_study(scene.experiment, scale=1.0, request=Request(name="demlat", producer="demlat"))
+        displacements(experiment, path)
+    geometry = replace(experiment.geometry, fixed=np.ones(4, bool))
+    with pytest.raises(ConfigError, match="no node is free to move"):
+        displacements(replace(experiment, geometry=geometry), path)
 
 
 # --- what a difference means --------------------------------------------------------------------

@@ -105,7 +105,7 @@ def test_missing_places_are_left_out_and_counted(tmp_path, reference):
     seen[10:60, 2] = 0
     seen[0, 4] = 0
     seen[100:120, 3] = 2
-    y = x + [0, 0, 2e-3]
+    y = x + np.array([0, 0, 2e-3])
     y[100:120, 3] += 1.0
     other = write(tmp_path / "other.h5", T, y, seen=seen)
     pair = compared(reference, other)

@@ -9,6 +9,7 @@ from openprc.errors import MissingData
 
 T = 0.01 * np.arange(300)
 SHIFT = np.array([3.0, -1.0, 0.5])
+DRIFT = np.array([0.0, 0.0, 0.2])
 
 
 @pytest.fixture
@@ -82,7 +83,10 @@ def test_velocities_turn_with_the_body(tmp_path):
     x, v = motion(T)
     reference = write(tmp_path / "r.h5", T, x, velocities=v)
     other = write(
-        tmp_path / "o.h5", T, (x - SHIFT) @ rotation(), velocities=(v + [0, 0, 0.2]) @ rotation()
+        tmp_path / "o.h5",
+        T,
+        (x - SHIFT) @ rotation(),
+        velocities=(v + DRIFT) @ rotation(),
     )
     pair = compared(reference, other, rigid_motion="all", velocities=True, match="index")
     assert pair.velocity_errors.rms == pytest.approx(0.2, rel=1e-9)

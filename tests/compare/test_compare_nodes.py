@@ -154,9 +154,7 @@ def test_many_nodes_are_assigned_whichever_way(n):
     x = rng.uniform(size=(n, 3))
     order = rng.permutation(n)[: n - 20]
     y = x[order] + rng.uniform(-1e-5, 1e-5, size=(n - 20, 3))
-    found = assign(
-        x, y, limit=neighbour_distance(x) / 4, fit=False, scale=False, reflect=False
-    )
+    found = assign(x, y, limit=neighbour_distance(x) / 4, fit=False, scale=False, reflect=False)
     assert len(found.reference) == n - 20
     np.testing.assert_array_equal(order[found.other], found.reference)
     assert found.distance.max() < 2e-5

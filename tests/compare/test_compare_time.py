@@ -98,7 +98,7 @@ def test_only_the_overlap_counts(tmp_path):
 def test_no_overlap_names_both_spans(tmp_path):
     with pytest.raises(SchemaError, match=r"(?s)from 50 to 51.996 s.*fine.h5 from 0 to 1.996 s"):
         compared(fine(tmp_path), fine(tmp_path, start=50.0, name="o.h5"))
-    with pytest.raises(ConfigError, match="between 7.0 and 8.0"):
+    with pytest.raises(ConfigError, match=r"between 7\.0 and 8\.0"):
         compared(fine(tmp_path), fine(tmp_path, name="p.h5"), start=7.0, stop=8.0)
 
 
@@ -180,6 +180,8 @@ def test_load_steps_and_time_do_not_mix(tmp_path):
     with pytest.raises(SchemaError, match="its time is physical, and the clock is 'step'"):
         compared(fine(tmp_path), steps, clock="step")
     assert compared(fine(tmp_path), steps, clock="index").n_samples == 500
+    with pytest.raises(ConfigError, match="to be estimated, and the clock is the number"):
+        compared(steps, steps, time_shift="estimate")
 
 
 def test_load_steps_match_by_number(tmp_path):

@@ -85,6 +85,7 @@ def test_dense_and_sparse_algebra_agree(monkeypatch):
     scene = frame(points, every[rng.permutation(len(every))[:150]], gravity=IN_SPACE)
     dense = null_space(rigidity_matrix(scene).matrix)
     monkeypatch.setattr(rigidity, "DENSE", 10)
+    assert len(dense.loose) == 0
     sparse = null_space(rigidity_matrix(scene).matrix)
     assert dense.count == sparse.count == 180 - 150
     # The same space: each basis lies in the other's span.

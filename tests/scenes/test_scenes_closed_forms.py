@@ -143,8 +143,9 @@ def test_the_energy_of_miura_folds_has_the_slope_of_the_force():
     tilt = np.radians(45.0)
     width = forms.miura_places(np.array([tilt]), **size)[0, -1, 0]
     # By hand: 90 creases of 2 m are bent by 2 tilt, 90 by 2 atan(cos(sector) tan(tilt)).
-    bent = 2.0 * (tilt - relaxed), 2.0 * (
-        np.arctan(0.5 * np.tan(tilt)) - np.arctan(0.5 * np.tan(relaxed))
+    bent = (
+        2.0 * (tilt - relaxed),
+        2.0 * (np.arctan(0.5 * np.tan(tilt)) - np.arctan(0.5 * np.tan(relaxed))),
     )
     assert at_width(width) == pytest.approx(0.05 * 180.0 * (bent[0] ** 2 + bent[1] ** 2))
     force = (at_width(width - 1e-4) - at_width(width + 1e-4)) / 2e-4

@@ -17,7 +17,7 @@ from openprc.tradeoff.downstream_storage import rounded, series_size
 
 HOLD, N_NODES, N_SYMBOLS = 0.1, 7, 900
 #: How far nodes move, on coordinates of some metres.
-MOTION = 1e-5
+MOTION = 3e-6
 
 
 def write_body(path, *, precision="f8", with_input=True):

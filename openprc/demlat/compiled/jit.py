@@ -15,6 +15,8 @@ from openprc.demlat.compiled.lanes import FAST
 
 #: Division by zero gives infinity, as in NumPy, and needs no branch. NaNs stay NaNs.
 _OPTIONS = {"error_model": "numpy", "fastmath": set(FAST), "_nrt": False}
+#: Rooms of the engine that no compiled function takes anything from.
+NEVER_COMPILED = ("meshing", "planning", "statics")
 #: Nobody calls these from Python.
 _INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -72,5 +74,6 @@ def source_stamp() -> int:
     stamp = 0
     root = Path(__file__).resolve().parents[1]
     for path in sorted(root.rglob("*.py")):
-        stamp = zlib.crc32(path.read_bytes(), stamp)
+        if path.relative_to(root).parts[0] not in NEVER_COMPILED:
+            stamp = zlib.crc32(path.read_bytes(), stamp)
     return stamp

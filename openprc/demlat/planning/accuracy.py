@@ -50,8 +50,8 @@ LEAST_SECONDS = 0.25
 PILOT_RUNS = 12.0
 #: A pilot covers so many symbols of every signal from where it begins to change.
 SYMBOLS = 3
-#: Below this no double precision can be trusted to be.
-FINEST = 1e-13
+#: All trials together cost at most so many times what the window was made for.
+OVERRUN = 4.0
 
 
 _KNOWN: WeakKeyDictionary[Experiment, AccuracyChoice] = WeakKeyDictionary()
@@ -155,7 +155,9 @@ class _Chooser:
             experiment, wanted=max(budget / (PILOT_RUNS * rate), _least_window(experiment))
         )
         self.share = max(experiment.duration / self.window.duration, 1.0)
-        self.pilot = Pilot(experiment, self.window)
+        # What a window needs at least may be longer than the budget is for.
+        needed = PILOT_RUNS * rate * self.window.duration
+        self.pilot = Pilot(experiment, self.window, most=OVERRUN * max(budget, needed))
         self.unit = math.lcm(steps_unit(experiment), self.window.parts)
 
     def choice(self) -> AccuracyChoice:
@@ -206,7 +208,7 @@ class _Chooser:
         size = 1e-5 if truth.trial.tolerance < 1e-7 else 1e-3
         shifts = np.random.default_rng(0).uniform(-size, size, geometry.n_nodes)
         other = replace(geometry, masses=geometry.masses * (1.0 + shifts))
-        twin = Pilot(replace(self.experiment, geometry=other), self.window)
+        twin = Pilot(replace(self.experiment, geometry=other), self.window, most=self.pilot.most)
         trial = (
             twin.adaptive(self.reference, truth.trial.tolerance, exact=True)
             if self.reference.adaptive
@@ -283,6 +285,8 @@ class _Chooser:
             pilot_share=self.pilot.cost / best.cost if best.cost else 0.0,
             candidates=(best, *rest),
             remarks=remarks,
+            at_limit=bool(best.n_steps)
+            and best.n_steps - self.unit < save / scheme.coarsest * (1.0 - 1e-12),
         )
 
 

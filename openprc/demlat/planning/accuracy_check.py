@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +95,7 @@ def estimate_error(experiment: Experiment) -> ErrorEstimate:
     eligible = eligible_schemes(experiment)[0]
     wanted = max(STRETCH * experiment.duration, LEAST_FRAMES * experiment.save_interval)
     window = make_window(experiment, wanted=min(wanted, experiment.duration))
-    pilot = Pilot(experiment, window)
+    pilot = Pilot(experiment, window, most=math.inf)
     if scheme.step == "adaptive":
         tolerance = experiment.tolerance or Settings._field_defaults["tolerance"]
         least = 10.0 * float(np.finfo(experiment.precision).eps)

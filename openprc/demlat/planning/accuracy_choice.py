@@ -36,6 +36,8 @@ class AccuracyChoice:
         Every scheme that was tried, the chosen one first.
     remarks : tuple of str
         What speaks against the estimate.
+    at_limit : bool
+        Whether a larger step, which the accuracy would allow, is not stable.
     """
 
     accuracy: float
@@ -51,6 +53,7 @@ class AccuracyChoice:
     pilot_share: float
     candidates: tuple[Candidate, ...]
     remarks: tuple[str, ...]
+    at_limit: bool = False
 
     @property
     def setting(self) -> str:
@@ -70,6 +73,8 @@ class AccuracyChoice:
             f" ({self.pilot_evaluations:,} evaluations of the forces; the run takes about"
             f" {self.evaluations:,})"
         )
+        if self.tolerance is None and self.at_limit:
+            text += "; the step is the largest that is stable, or a frame"
         others = [self._other(candidate) for candidate in self.candidates[1:]]
         if others:
             text += "; " + ", ".join(others)

@@ -110,11 +110,14 @@ class Pilot:
     ----------
     experiment : Experiment
     window : Window
+    most : float
+        What all trials together may cost; see `affords`.
     """
 
-    def __init__(self, experiment: Experiment, window: Window) -> None:
+    def __init__(self, experiment: Experiment, window: Window, *, most: float) -> None:
         self.experiment = experiment
         self.window = window
+        self.most = most
         self.cost = 0.0
         self.evaluations = 0
 
@@ -150,6 +153,10 @@ class Pilot:
                 evaluations=evaluations,
             )
         )
+
+    def affords(self, cost: float) -> bool:
+        """Say whether another trial may cost that much."""
+        return self.cost + cost <= self.most
 
     def _booked(self, trial: Trial) -> Trial:
         self.cost += trial.cost

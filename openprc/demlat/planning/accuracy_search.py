@@ -87,6 +87,9 @@ class Truth:
     @property
     def can_refine(self) -> bool:
         """Whether a more exact one is within reach."""
+        dearer = TIGHTER ** (-1.0 / self.scheme.scheme.order) if self.scheme.adaptive else FINER
+        if not self.pilot.affords(self.trial.cost * dearer):
+            return False
         if self.scheme.adaptive:
             return self.trial.tolerance > 1.5 * TIGHTEST
         return self.trial.n_steps < 64 * self._first
@@ -169,6 +172,10 @@ class Search:
         for _ in range(MOST_TRIALS):
             if tried and self._cost_at(scheme, tried, resolution) > DEARER * self.best:
                 verdict = "dearer"
+                break
+            if tried and not self.pilot.affords(
+                self._cost_at(scheme, tried, resolution) / self.share
+            ):
                 break
             trial = self._trial(scheme, resolution)
             tried.append((trial.resolution, self.error_of(scheme, trial), trial))

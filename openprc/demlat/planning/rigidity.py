@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import linalg, sparse
@@ -132,8 +133,17 @@ class RigidityMatrix:
         return n_redundant, np.sort(at[order[len(at) - n_redundant :]])
 
 
+_KNOWN: WeakKeyDictionary[Experiment, RigidityMatrix] = WeakKeyDictionary()
+
+
 def rigidity_matrix(experiment: Experiment) -> RigidityMatrix:
     """Return the matrix of a body as it lies at t = 0; elements that hold nothing have no row."""
+    if experiment not in _KNOWN:
+        _KNOWN[experiment] = _assembled(experiment)
+    return _KNOWN[experiment]
+
+
+def _assembled(experiment: Experiment) -> RigidityMatrix:
     free = free_axes(experiment)
     n_free = int(free.sum())
     place = np.full(free.shape, -1, dtype=np.int64)

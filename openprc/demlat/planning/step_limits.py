@@ -160,7 +160,22 @@ def pefrl_step(stiffness: Reals, damping: Reals) -> Reals:
     return low
 
 
+def pefrl_turn(phase: float) -> float:
+    """Return the angle by which PEFRL turns an undamped mode in a step of that phase [rad].
+
+    Half the trace of the step is its cosine, the determinant being one.
+    """
+    matrix = _pefrl_matrix(np.array([phase]), np.ones(1), np.zeros(1))[0]
+    return float(np.arccos(np.clip(0.5 * np.trace(matrix), -1.0, 1.0)))
+
+
 def _pefrl_radius(h: Reals, stiffness: Reals, damping: Reals) -> Reals:
+    matrix = _pefrl_matrix(h, stiffness, damping)
+    radius: Reals = np.abs(np.linalg.eigvals(matrix)).max(axis=-1)
+    return radius
+
+
+def _pefrl_matrix(h: Reals, stiffness: Reals, damping: Reals) -> Reals:
     matrix = np.zeros((*h.shape, 2, 2))
     matrix[..., 0, 0] = matrix[..., 1, 1] = 1.0
     kick = 0.5 * (1.0 - 2.0 * PEFRL_LAMBDA)
@@ -176,5 +191,4 @@ def _pefrl_radius(h: Reals, stiffness: Reals, damping: Reals) -> Reals:
             push = span * stiffness * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))
             velocity = rk4_growth(z)[..., None] * matrix[..., 1, :]
             matrix[..., 1, :] = velocity - push[..., None] * matrix[..., 0, :]
-    radius: Reals = np.abs(np.linalg.eigvals(matrix)).max(axis=-1)
-    return radius
+    return matrix

@@ -11,7 +11,9 @@ from openprc.demlat.contact.findings import contact_refusals, contact_remarks
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.legacy.findings import LEGACY, legacy_refusals, legacy_remarks
 from openprc.demlat.models.barhinge.rigid_findings import rigid_refusals, rigid_remarks
+from openprc.demlat.planning.phase_drift import drift_remarks
 from openprc.demlat.planning.stability import is_surely_sound, step_limit
+from openprc.demlat.planning.tangent_operators import hinge_flatness
 from openprc.demlat.signal_table import SAMPLE_SLACK, sample_signal
 from openprc.schema.findings import Finding
 
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 #: A coordinate beyond this many times the size of the scene is no result but a blow-up.
 ESCAPE_FACTOR = 1e6
+#: Altitude of a wing over the crease, per longest edge, below which a run says so.
+THIN_WING = 1e-3
 
 
 def scene_size(experiment: Experiment) -> float:
@@ -153,6 +157,8 @@ def remarks(experiment: Experiment) -> Iterator[str]:
     """Yield what the reader of the result should know; nothing of it stops the run."""
     yield from experiment.notes
     yield from _step_remarks(experiment)
+    yield from drift_remarks(experiment)
+    yield from _thin_hinges(experiment)
     yield from contact_remarks(experiment)
     yield from rigid_remarks(experiment)
     if experiment.integrator == LEGACY:
@@ -180,6 +186,18 @@ def _step_remarks(experiment: Experiment) -> Iterator[str]:
     remark = step_limit(experiment).remark(experiment.dt)
     if remark:
         yield remark
+
+
+def _thin_hinges(experiment: Experiment) -> Iterator[str]:
+    hinges = experiment.geometry.hinges
+    flatness = hinge_flatness(experiment.geometry.positions, hinges.indices)
+    thin = np.flatnonzero((flatness < THIN_WING) & (hinges.rigid | (hinges.stiffness > 0.0)))
+    if len(thin):
+        yield (
+            f"{len(thin)} hinges have a wing close to the crease line, such as hinge"
+            f" {int(thin[0])} ({flatness[thin[0]]:.2g} of its longest edge): forces go as one over"
+            " that distance, and steps that are sound at the start may not be later"
+        )
 
 
 def _initial_jumps(experiment: Experiment) -> Iterator[str]:
