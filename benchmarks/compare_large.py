@@ -121,13 +121,13 @@ def apart(case: str, paths: list[Path], small: list[Path]) -> dict[str, Any]:
 
 def measure(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     """Write the files and run the candidates in turns."""
-    sizes = {"": (options.frames, options.frames), "small_": (2000, 2000)}
+    sizes = {"": options.frames, "small_": 2000}
     files: dict[str, dict[str, list[Path]]] = {}
     for kind in ("same", "finer"):
         if kind == "finer" and "finer" not in options.cases:
             continue
         files[kind] = {}
-        for prefix, (frames, _) in sizes.items():
+        for prefix, frames in sizes.items():
             first, second = folder / f"{prefix}reference.h5", folder / f"{prefix}{kind}.h5"
             if not first.exists():
                 write_file(first, frames=frames, nodes=options.nodes, other=False)
@@ -202,12 +202,12 @@ def main() -> None:
         return
     title = f"{options.frames} frames of {options.nodes} nodes, {size / 1e9:.2f} GB a file"
     table = Table(title=title)
-    for column in ("case", "interpolant", "rms [m]", "read CPU [s]", "compare CPU [s]", "ratio",
-                   "wall ratio", "peak [MiB]", "reading [MiB]"):  # fmt: skip
-        table.add_column(column, justify="right")
+    for column in ("case", "inter-\npolant", "rms\n[m]", "reading\nCPU [s]", "comparing\nCPU [s]",
+                   "CPU\nratio", "wall\nratio", "peak\n[MiB]", "reading\n[MiB]"):  # fmt: skip
+        table.add_column(column, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(
-            row["case"], row["interpolant"], f"{row['rms']:.6g}", f"{row['read_cpu_s']:.2f}",
+            row["case"], row["interpolant"], f"{row['rms']:.4g}", f"{row['read_cpu_s']:.2f}",
             f"{row['compare_cpu_s']:.2f}", f"{row['cpu_ratio']:.2f}", f"{row['wall_ratio']:.2f}",
             f"{row['compare_peak_MiB']:.0f}", f"{row['read_peak_MiB']:.0f}",
         )  # fmt: skip

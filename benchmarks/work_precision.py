@@ -6,8 +6,8 @@
 Every integrator runs down a ladder of time steps (or of tolerances, if it chooses its steps)
 until the error is below 3e-8 or a run would take longer than ``--longest`` seconds. The error
 is the largest, over ten sample times, of the rms position error over the rms displacement of
-the reference from the start; the reference is DOP853 of SciPy at rtol 1e-12, and what it
-differs by from rtol 1e-11 is printed as its own uncertainty. Cost is CPU time of one thread,
+the reference from the start, and the reference the one of ``openprc tradeoff``, whose own
+uncertainty and second method are printed. Cost is CPU time of one thread,
 setting up and compiling left out, and the number of force evaluations where it is known.
 
 The yardstick is our own throw-away scalar Runge-Kutta loop (``peers/numba_scalar.py``).
@@ -30,16 +30,19 @@ from typing import Any
 
 import numpy as np
 from engine_scenes import Scene, make_scene, to_experiment
-from peers.numba_scalar import flat_tables, forces, inverse_masses, rk4
+from peers.numba_scalar import flat_tables, inverse_masses, rk4
 from peers.ours import Outcome, prepare_integration, refusal
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.integrate import solve_ivp
 
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.planning.stability import stable_step
 from openprc.errors import OpenPRCError
+from openprc.tradeoff.outcome import relative_error
+from openprc.tradeoff.pareto import cost_of, evaluations
+from openprc.tradeoff.point import Point
+from openprc.tradeoff.reference import converged_reference
 
 DURATIONS = {"lat10": 1.0, "miu4x8": 1.0, "miu4x8-stiff": 0.5}  # [s]
 N_SAMPLES = 10
@@ -96,40 +99,24 @@ class Rung:
         """Median CPU time [s]."""
         return statistics.median(self.seconds)
 
+    @property
+    def point(self) -> Point:
+        """The point of a trade-off that the rung is."""
+        told = {"group": "integrator", "label": "", "setting": {"step": self.step}}
+        if not math.isfinite(self.error):
+            return Point(**told, status="refused", note=self.note)
+        return Point(
+            **told,
+            trajectory_error=self.error,
+            cpu_seconds=self.cost,
+            evaluations=self.evaluations,
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
         values = asdict(self)
         del values["begin"]
         return values | {"error": None if math.isnan(self.error) else self.error}
-
-
-def relative_error(positions: np.ndarray, reference: np.ndarray) -> float:
-    """Return max over t > 0 of rms(x - x_ref) / rms(x_ref - x_0); frames are (T, N, 3) [m]."""
-    wrong = np.sqrt(np.mean((positions[1:] - reference[1:]) ** 2, axis=(1, 2)))
-    moved = np.sqrt(np.mean((reference[1:] - reference[0]) ** 2, axis=(1, 2)))
-    return float((wrong / moved).max())
-
-
-def converged(scene: Scene, *, duration: float) -> tuple[np.ndarray, float]:
-    """Return the reference frames (T, N, 3) [m] and their own uncertainty."""
-    tables, inverse = flat_tables(scene), inverse_masses(scene)[:, np.newaxis]
-    shape = scene.positions.shape
-    force = np.empty(shape)
-
-    def rate(_: float, state: np.ndarray) -> np.ndarray:
-        x, v = state.reshape(2, *shape)
-        forces(x, v, force, *tables)
-        return np.concatenate([np.where(inverse > 0, v, 0.0), force * inverse]).ravel()
-
-    start = np.concatenate([scene.positions, scene.velocities]).ravel()
-    times = np.linspace(0.0, duration, N_SAMPLES + 1)
-    frames = []
-    for tolerance in (1e-11, 1e-12):
-        solution = solve_ivp(
-            rate, (0.0, duration), start, "DOP853", times, rtol=tolerance, atol=tolerance / 10
-        )
-        frames.append(solution.y.T.reshape(-1, 2, *shape)[:, 0])
-    return frames[1], relative_error(*frames)
 
 
 # --- ladders ----------------------------------------------------------------------------------
@@ -198,21 +185,6 @@ def ladder(
     return measured
 
 
-def cost_of(rungs: list[Rung], target: float, cost: Callable[[Rung], float]) -> float | None:
-    """Return what an error of `target` costs, or None where no rung gets there."""
-    before = None
-    for rung in rungs:
-        if math.isnan(rung.error):
-            continue
-        if rung.error <= target:
-            if before is None:
-                return cost(rung)  # stability, not accuracy, sets the step
-            share = math.log(before.error / target) / math.log(before.error / rung.error)
-            return cost(before) * (cost(rung) / cost(before)) ** share
-        before = rung
-    return None
-
-
 # --- output -----------------------------------------------------------------------------------
 
 
@@ -223,24 +195,19 @@ def scene_table(title: str, rungs: dict[str, list[Rung]]) -> Table:
     for target in TARGETS:
         table.add_column(f"to {target:.0e}", justify="right", no_wrap=True)
 
-    def seconds(rung: Rung) -> float:
-        return rung.cost
-
-    def evaluations(rung: Rung) -> float:
-        return float(rung.evaluations or math.nan)
-
-    for name, steps in rungs.items():
+    ladders = {name: [rung.point for rung in steps] for name, steps in rungs.items()}
+    for name, steps in ladders.items():
         cells = []
         for target in TARGETS:
-            cost, base = (cost_of(r, target, seconds) for r in (steps, rungs[YARDSTICK]))
+            cost, base = (cost_of(r, target) for r in (steps, ladders[YARDSTICK]))
             if cost is None:
                 cells.append("never")
                 continue
             cells.append(f"{1e3 * cost:.3g} ms")
             if base is not None:
                 cells[-1] += f"  {base / cost:.2f} x"
-            count = cost_of(steps, target, evaluations)
-            if count is not None and not math.isnan(count):
+            count = cost_of(steps, target, cost=evaluations)
+            if count is not None:
                 cells[-1] += f"  {count:.0f} ev"
         table.add_row(name, *cells)
     return table
@@ -296,7 +263,12 @@ def main() -> None:
     left_out: list[str] = []
     for scene_name in options.scenes:
         scene, duration = make_scene(scene_name), DURATIONS[scene_name]
-        reference, uncertainty[scene_name] = converged(scene, duration=duration)
+        known = converged_reference(
+            to_experiment(scene, duration=duration, save_interval=duration / N_SAMPLES, dt=1e-4),
+            longest=options.longest,
+        )
+        reference, uncertainty[scene_name] = known.positions, known.uncertainty
+        console.print(f"{scene_name}: {known.sentence()}")
         rungs = results[scene_name] = {}
         for name in track([YARDSTICK, *options.integrators], scene_name, transient=True):
             try:

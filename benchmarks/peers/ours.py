@@ -14,6 +14,8 @@ from openprc.demlat.integrators.stepping import FixedControl, advance
 from openprc.demlat.models.barhinge.assembly import assemble
 from openprc.demlat.models.barhinge.support import supports
 from openprc.demlat.models.barhinge.tables import LEDGER_STRIDE, FrameBuffer
+from openprc.demlat.planning.run_cost import run_cost
+from openprc.demlat.planning.stability import step_limit
 from openprc.schema import Experiment
 from peers.serving import Run, serve
 
@@ -64,8 +66,7 @@ def ours(scene: Scene) -> Run:
 def prepare_integration(experiment: Experiment) -> Callable[[], Callable[[], Outcome]]:
     """Return what begins a run in memory, up to its first frame; that returns the rest of it."""
     model = BarHingeModel(experiment)
-    scheme = INTEGRATORS[experiment.integrator]
-    steps = experiment.steps_per_frame * (experiment.n_frames - 1)
+    counted = run_cost(experiment, step_limit(experiment)).evaluations
 
     def begin() -> Callable[[], Outcome]:
         blocks = model.blocks()
@@ -73,8 +74,8 @@ def prepare_integration(experiment: Experiment) -> Callable[[], Callable[[], Out
 
         def run() -> Outcome:
             frames = np.concatenate([first, *(out.x.copy() for _, out in blocks)])
-            evaluations = model.effort.get("evaluations", scheme.stages * steps)
-            if scheme.name == "midpoint":
+            evaluations = model.effort.get("evaluations", counted)
+            if experiment.integrator == "midpoint":
                 evaluations = None  # as many as its iterations take
             return Outcome(frames, evaluations)
 

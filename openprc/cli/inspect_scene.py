@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from openprc.schema.experiment import Experiment
 
 
+_STEPS = "steps: how long they may be, and what a stable run costs (accuracy: openprc tradeoff)"
+
+
 @click.command("inspect")
 @click.argument("experiment", type=click.Path(path_type=Path))
 @click.option("--integrator", help="Instead of the one in config.json.")
@@ -99,7 +102,7 @@ def _show(seen: Inspection, out: Console) -> None:
         columns = ["integrator", "order", "limit [s]", "set by", "recommended [s]",
                    "present step", "evaluations", "time [s]"]  # fmt: skip
         rows = [_step(item) for item in seen.steps]
-        out.print(table(columns, rows, title="steps: how long they may be, and what a run costs"))
+        out.print(table(columns, rows, title=_STEPS))
     if seen.plan is not None:
         out.print(table(["plan", "with the settings as they are"], seen.plan.rows()))
     _show_motions(seen, out)
@@ -116,18 +119,19 @@ def _producer(item: ProducerVerdict) -> list[str]:
     state = {"runs": "yes", "refuses": "no", "unavailable": "not installed"}.get(
         item.state, "broken"
     )
+    none = "nothing" if item.state == "runs" else "-"
     return [
         item.producer,
         state,
-        _lines(item.leaves_out),
-        _lines(item.adds),
+        _lines(item.leaves_out) or none,
+        _lines(item.adds) or none,
         item.text or "-",
     ]
 
 
 def _lines(texts: tuple[str, ...]) -> str:
     if len(texts) < 2:
-        return "".join(texts) or "nothing"
+        return "".join(texts)
     return "\n".join(f"- {text}" for text in texts)
 
 
@@ -139,7 +143,8 @@ def _step(item: SchemeStep) -> list[object]:
         item.set_by or "-",
         "chooses its own" if item.recommended is None else f"{item.recommended:.4g}",
         item.verdict,
-        f"{item.cost.evaluations:,}",
+        # The bars of respa take more, shorter steps inside.
+        f"{item.cost.evaluations:,}" + (" + bars" if item.integrator == "respa" else ""),
         f"{item.cost.seconds:.2g}",
     ]
 

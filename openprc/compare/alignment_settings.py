@@ -30,7 +30,7 @@ class AlignmentSettings:
         no labels; nothing else is matched then.
     match_limit : float, optional [unit of the comparison]
         How far apart two nodes may be and still be the same in an assignment; by default half of
-        the median distance between nearest neighbours.
+        the median distance between nearest neighbours, in the file where that is smaller.
     clock : str
         "auto", "time", "step" (the numbers that pseudo time counts), "index" (frames in order),
         or a recorded quantity that only grows or only falls: "input", "input:NAME:COLUMN",

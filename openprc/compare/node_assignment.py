@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.compare.partial_placement import starts_from_distances
 from openprc.compare.rigid_motion import RigidMotion, fit_rigid_motion
 
 Reals = NDArray[np.float64]
@@ -17,8 +18,12 @@ Indices = NDArray[np.intp]
 
 #: Above this many nodes, mutual nearest neighbours take the place of the best assignment.
 MANY = 2000
+#: Up to this many nodes, parts of a body are looked for by distances between nodes.
+FEW = 200
 #: Rounds of assigning and moving before the placement has to stand still.
 ROUNDS = 30
+#: A second candidate this near, in units of the limit, might have been the node as well.
+RIVAL = 0.25
 #: Two placements fit equally well where their deviations differ by less than this share.
 ALIKE = 0.05
 
@@ -87,6 +92,11 @@ def assign(
     if not fit:
         return _assigned(x, y, limit, None)
     tries = [_settle(x, y, limit, s, scale=scale, reflect=reflect) for s in _starts(x, y, scale)]
+    smaller = min(len(x), len(y))
+    if not scale and max(len(t.reference) for t in tries) < smaller <= max(len(x), len(y)) <= FEW:
+        # Principal axes of a part are not those of the whole.
+        starts = starts_from_distances(x, y, limit)
+        tries += [_settle(x, y, limit, s, scale=False, reflect=reflect, near=True) for s in starts]
     tries = [t for t in tries if reflect or t.motion is None or not t.motion.reflected]
     best = max(tries, key=lambda t: (len(t.reference), -t.rms))
     slack = ALIKE * best.rms + 1e-9 * float(np.ptp(x))
@@ -102,12 +112,19 @@ def assign(
 
 
 def _settle(
-    x: Reals, y: Reals, limit: float, start: RigidMotion | None, *, scale: bool, reflect: bool
+    x: Reals,
+    y: Reals,
+    limit: float,
+    start: RigidMotion | None,
+    *,
+    scale: bool,
+    reflect: bool,
+    near: bool = False,
 ) -> Assignment:
     motion, before = start, None
     for _ in range(ROUNDS):
         # Far from its place the body's nodes are not within the limit yet.
-        found = _assigned(x, y, np.inf if before is None else limit, motion)
+        found = _assigned(x, y, limit if near or before is not None else np.inf, motion)
         pairs = (found.reference.tobytes(), found.other.tobytes())
         if pairs == before or len(found.reference) == 0:
             break
@@ -125,9 +142,8 @@ def _starts(x: Reals, y: Reals, scale: bool) -> Iterator[RigidMotion | None]:
     yield None
     d = x.shape[1]
     middles = [places.mean(axis=0) for places in (x, y)]
-    axes = [
-        np.linalg.svd(p - m, full_matrices=True)[2] for p, m in zip((x, y), middles, strict=True)
-    ]
+    # Rows are the principal axes, widest first; the moments are small, whatever the nodes.
+    axes = [np.linalg.svd((p - m).T @ (p - m))[2] for p, m in zip((x, y), middles, strict=True)]
     size = [
         float(np.sqrt(((p - m) ** 2).sum(axis=1).mean()))
         for p, m in zip((x, y), middles, strict=True)
@@ -148,7 +164,7 @@ def _assigned(x: Reals, y: Reals, limit: float, motion: RigidMotion | None) -> A
     distance = np.sqrt(((x[i] - at[j]) ** 2).sum(axis=1))
     near = distance <= limit
     i, j, distance = i[near], j[near], distance[near]
-    return Assignment(i, j, distance, motion, _ambiguous(x, at, i, limit))
+    return Assignment(i, j, distance, motion, _ambiguous(x[i], at, i, distance, limit))
 
 
 def _best(x: Reals, y: Reals, limit: float) -> tuple[Indices, Indices]:
@@ -170,11 +186,12 @@ def _mutual(x: Reals, y: Reals) -> tuple[Indices, Indices]:
     return i, to_y[i]
 
 
-def _ambiguous(x: Reals, y: Reals, i: Indices, limit: float) -> Indices:
+def _ambiguous(x: Reals, y: Reals, i: Indices, distance: Reals, limit: float) -> Indices:
+    """Return the nodes whose second candidate is hardly farther than the one they got."""
     if len(y) < 2 or not len(i) or not np.isfinite(limit):
         return np.empty(0, dtype=np.intp)
-    second = _tree(y).query(x[i], k=2)[0][:, 1]
-    return i[second <= limit]
+    second = _tree(y).query(x, k=2)[0][:, 1]
+    return i[(second <= limit) & (second <= np.maximum(2.0 * distance, RIVAL * limit))]
 
 
 def _tree(places: Reals) -> Any:

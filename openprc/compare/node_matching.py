@@ -213,7 +213,8 @@ def _by_place(
             )
     x, y = (p[s] for p, s in zip(places, seen, strict=True))
     fit = settings.rigid_motion != "none"
-    spacing = neighbour_distance(x)
+    # Of the denser body: a sparse one would take any node of it for its own.
+    spacing = min(neighbour_distance(p) for p in ((x,) if settings.scale == "fit" else (x, y)))
     limit = settings.match_limit or spacing / 2
     found = assign(
         x, y, limit=limit, fit=fit, scale=settings.scale == "fit", reflect=settings.reflect
@@ -239,6 +240,12 @@ def _by_place(
         notes.append(
             f"the body fits in {found.placements} ways equally well, as a symmetric one does:"
             " which node is which cannot be told from places"
+        )
+    fewer = min(len(x), len(y))
+    if 2 * len(i) < fewer:
+        notes.append(
+            f"only {len(i)} of {fewer} nodes have a counterpart within {limit:.3g}: the bodies may"
+            " be laid onto each other wrongly; labels or pairs settle that"
         )
     for side in (0, 1):
         unseen = len(names[side]) - len(seen[side])

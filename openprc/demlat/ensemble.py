@@ -17,6 +17,7 @@ import numpy as np
 from openprc.demlat.compiled.scene_packing import WIDTH
 from openprc.demlat.integrators import Settings, find_integrator
 from openprc.demlat.models.barhinge.support import supports
+from openprc.demlat.planning.step_choice import refuse_open_step
 from openprc.errors import ConfigError, Diverged, UnsupportedScene
 from openprc.schema.experiment_checks import check_experiment
 
@@ -148,6 +149,7 @@ def _check(experiments: Sequence[Experiment]) -> None:
     first = experiments[0]
     for number, experiment in enumerate(experiments):
         check_experiment(experiment)
+        refuse_open_step(experiment, where="an ensemble")
         found = supports(experiment)
         if experiment.collision.enabled and experiment.geometry.collidable.any():
             raise UnsupportedScene(

@@ -110,7 +110,7 @@ class ForceField:
         self._work = (*(aligned_zeros_like(flat) for _ in range(3)), rates)
         self._scale = unit.length, unit.velocity, unit.force, unit.moment / unit.time
         self._output = unit.output
-        self._time, self._step = unit.time, experiment.dt / unit.time
+        self._time, self._step = unit.time, _short_step(experiment) / unit.time
         self._energy = np.zeros(ENERGY_ROWS * LEDGER_STRIDE)
         self._shape = experiment.geometry.n_nodes, 3
         self.power: Reals = np.zeros(len(rates) // LEDGER_STRIDE)
@@ -266,6 +266,14 @@ class ForceField:
                 key=name,
             )
         return values
+
+
+def _short_step(experiment: Experiment) -> float:
+    """Return `dt`, or where an accuracy is to choose it a time that is short for any signal."""
+    if experiment.dt_stated:
+        return experiment.dt
+    used = [experiment.signals[actuator.signal].dt for actuator in experiment.actuators]
+    return 1e-3 * min([experiment.save_interval, *used])
 
 
 def _released(experiment: Experiment) -> Experiment:

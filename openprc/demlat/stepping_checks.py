@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from openprc.demlat.models.barhinge.support import supports
+from openprc.demlat.planning.step_choice import refuse_open_step
 from openprc.errors import ConfigError, UnsupportedScene
 from openprc.schema.experiment import MULTIPLE_TOLERANCE, Signal, whole_multiple
 from openprc.schema.experiment_checks import check_experiment
@@ -54,6 +55,7 @@ def refuse_what_cannot_be_stepped(experiment: Experiment, inputs: Sequence[str])
     ------
     UnsupportedScene
     """
+    refuse_open_step(experiment, where="a body that is stepped")
     geometry = experiment.geometry
     if experiment.collision.enabled and geometry.collidable.any():
         raise UnsupportedScene(

@@ -7,12 +7,14 @@ missing factor or a default damping of some per cent does not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.scenes.closed_forms import GRAVITY, pendulum_angle, released
 from openprc.schema.dihedral import dihedral_angles
 from openprc.schema.experiment import Experiment
 from openprc.schema.geometry import Geometry
@@ -20,7 +22,6 @@ from openprc.testing import bodies
 
 Array = NDArray[np.float64]
 X, Y, Z = np.eye(3)
-GRAVITY = 9.81  # m/s2
 
 
 @dataclass(frozen=True)
@@ -119,11 +120,10 @@ def oscillator(dt: float, *, damping: float = 0.0, drag: float = 0.0) -> Scene:
     """
     places = np.array([0.0 * X, (_LENGTH + _AMPLITUDE) * X])
     decay = (damping + drag) / (2.0 * _MASS)
-    omega = np.sqrt(_STIFFNESS / _MASS - decay**2)
+    omega = math.sqrt(_STIFFNESS / _MASS)
 
     def moving(t: Array) -> Array:
-        swing = np.cos(omega * t) + decay / omega * np.sin(omega * t)
-        length = _LENGTH + _AMPLITUDE * np.exp(-decay * t) * swing
+        length = _LENGTH + _AMPLITUDE * released(t, omega=omega, decay=decay)
         tip: Array = length[:, np.newaxis] * X
         return tip
 
@@ -166,12 +166,7 @@ def pendulum(dt: float, *, rigid: bool = False) -> Scene:
     places = np.array([0.0 * X, length * (np.sin(start) * X - np.cos(start) * Z)])
 
     def moving(t: Array) -> Array:
-        from scipy.special import ellipj
-
-        modulus = np.sin(start / 2.0)
-        _, cn, dn, _ = ellipj(np.sqrt(GRAVITY / length) * t, modulus**2)
-        half = modulus * cn / dn
-        theta = 2.0 * np.arcsin(half)
+        theta = pendulum_angle(t, start=start, rate=math.sqrt(GRAVITY / length))
         swung: Array = length * (
             np.sin(theta)[:, np.newaxis] * X - np.cos(theta)[:, np.newaxis] * Z
         )

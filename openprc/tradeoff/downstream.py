@@ -19,6 +19,7 @@ from openprc.tradeoff.downstream_rows import DownstreamRows, downstream_rows
 from openprc.tradeoff.downstream_storage import storage_points
 
 if TYPE_CHECKING:
+    from openprc.analysis.benchmarks.choices import Choices
     from openprc.hooks.protocols import Progress
     from openprc.scenes.scene import Scene
     from openprc.tradeoff.point import Point
@@ -34,6 +35,7 @@ def downstream_points(
     scene: Scene | None,
     *,
     groups: tuple[str, ...] = tuple(GROUPS),
+    choices: Choices | None = None,
     progress: Progress = silent,
 ) -> Iterator[Point]:
     """Yield the points of the downstream side of a run.
@@ -51,6 +53,8 @@ def downstream_points(
         Names input and features.
     groups : tuple of str
         Some of the three.
+    choices : Choices, optional
+        Spans above all; by default a fifth of the rows is washed out, and a tenth tested on.
     progress : callable
 
     Raises
@@ -68,7 +72,7 @@ def downstream_points(
                 fix="correct the name",
                 key="groups",
             )
-    with downstream_rows(run, scene) as rows:
+    with downstream_rows(run, scene, choices) as rows:
         for number, group in enumerate(groups):
             for point in GROUPS[group](rows):
                 progress(number / len(groups), f"{group}: {point.label}")

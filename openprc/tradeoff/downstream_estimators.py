@@ -42,6 +42,8 @@ def estimator_points(rows: DownstreamRows) -> Iterator[Point]:
                 )
             except TaskError as problem:
                 yield replace(point, status="refused", note=problem.found)
+                if not truth:
+                    return  # what all rows do not admit, fewer do not either
                 continue
             seconds = process_time() - begin
             for sums, scores in _sums(found):

@@ -74,9 +74,20 @@ def readout_points(rows: DownstreamRows) -> Iterator[Point]:
                 "scores": scores,
                 "score_errors": {k: abs(v - truth[k]) for k, v in scores.items()},
                 "cpu_seconds": statistics.median(seconds),
-                "note": "; ".join(f"{k}: {v}" for k, v in rows.left_out.items()),
+                "note": "; ".join(filter(None, (_worse_than_nothing(scores), rows.remarks))),
             }
         )
+
+
+def _worse_than_nothing(scores: dict[str, float]) -> str:
+    """Return a remark on errors above that of the mean of the target."""
+    bad = [name for name, value in scores.items() if value > 1.0]
+    if not bad:
+        return ""
+    return (
+        f"{', '.join(bad)} above 1: the weights do not hold on the test rows; wash out more, or"
+        " train on more"
+    )
 
 
 def readouts() -> Iterator[tuple[str, Any, dict[str, Any]]]:

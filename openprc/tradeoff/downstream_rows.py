@@ -11,12 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.analysis.benchmarks.choices import Choices, choose_input, open_trainer
-from openprc.compare.task_scores import capacities, check_rows, choices_for, standard_tasks
+from openprc.compare.task_scores import (
+    FEWEST,
+    capacities,
+    check_rows,
+    choices_for,
+    standard_tasks,
+)
 from openprc.errors import TaskError
 from openprc.reservoir.io.state_loader import StateLoader
 from openprc.reservoir.training.evaluation import evaluate
 from openprc.reservoir.training.row_clock import RowClock
 from openprc.reservoir.training.row_split import RowSplit
+from openprc.reservoir.training.split import Split
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,6 +64,11 @@ class DownstreamRows:
     targets: Reals
     names: tuple[str, ...]
     left_out: dict[str, str]
+
+    @property
+    def remarks(self) -> str:
+        """What was left out, in one line."""
+        return "; ".join(f"{name}: {reason}" for name, reason in self.left_out.items())
 
     def errors(
         self, readout: Any, states: Reals | None = None, *, standardize: bool = True
@@ -101,7 +113,9 @@ class DownstreamRows:
 
 
 @contextmanager
-def downstream_rows(run: str | Path, scene: Scene | None) -> Iterator[DownstreamRows]:
+def downstream_rows(
+    run: str | Path, scene: Scene | None, choices: Choices | None = None
+) -> Iterator[DownstreamRows]:
     """Open a run and yield what its readouts are trained on.
 
     Raises
@@ -109,7 +123,9 @@ def downstream_rows(run: str | Path, scene: Scene | None) -> Iterator[Downstream
     MissingInputError, MissingData, NonUniformTime, TaskError
         When the run admits no task; see `openprc.compare.task_scores.task_scores`.
     """
-    choices = choices_for(scene, Choices())
+    choices = choices_for(scene, choices or Choices())
+    if choices.split == Split(input_name=choices.split.input_name):
+        choices = replace(choices, split=default_spans(run, choices))
     with open_trainer(run, choices) as trainer:
         trainer.loader.require_physical_time("a task")
         trainer.loader.input_name(choices.split.input_name or 0)
@@ -127,6 +143,18 @@ def downstream_rows(run: str | Path, scene: Scene | None) -> Iterator[Downstream
             left_out={},
         )
         yield _with_targets(rows)
+
+
+def default_spans(run: str | Path, choices: Choices) -> Split:
+    """Return a fifth of the rows to wash out, a tenth to test on, and the rest to train on.
+
+    Least squares without a penalty learns what is left of the start of a body as well, and
+    weights that are large hold the better the more rows they were learned from.
+    """
+    with open_trainer(run, choices) as trainer:
+        n_rows = trainer.rows.n_rows
+    spans = {"washout": n_rows // 5, "test": max(n_rows // 10, min(FEWEST, n_rows // 3))}
+    return replace(choices.split, unit="rows", **spans)
 
 
 def _with_targets(rows: DownstreamRows) -> DownstreamRows:

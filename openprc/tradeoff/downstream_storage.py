@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import process_time
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -68,15 +68,13 @@ def storage_points(rows: DownstreamRows) -> Iterator[Point]:
             begin = process_time()
             try:
                 scores = _scores(rows, values)
-            except TaskError as problem:
-                # Nothing of the motion is left.
-                yield _point(rows, stored, precision, status="failed", note=problem.found)
+            except TaskError as problem:  # nothing of the motion is left
+                yield _point(stored, precision, status="failed", note=problem.found)
                 continue
             seconds = process_time() - begin
             truth = truth or scores
             errors = {k: abs(v - truth[k]) for k, v in scores.items() if k in truth}
             yield _point(
-                rows,
                 stored,
                 precision,
                 scores=scores,
@@ -87,7 +85,6 @@ def storage_points(rows: DownstreamRows) -> Iterator[Point]:
             )
     if not found:
         yield _point(
-            rows,
             "the run",
             "float64",
             status="refused",
@@ -127,11 +124,10 @@ def _scores(rows: DownstreamRows, values: Reals) -> dict[str, float]:
         return scores  # of an input that is not white; the estimator's group says so
 
 
-def _point(rows: DownstreamRows, stored: str, precision: Precision, **found: object) -> Point:
-    del rows
+def _point(stored: str, precision: Precision, **found: Any) -> Point:
     return Point(
         group="storage",
         label=f"{precision} {stored}",
         setting={"stored": stored, "storage": precision},
-        **found,  # type: ignore[arg-type]
+        **found,
     )

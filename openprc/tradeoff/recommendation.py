@@ -105,9 +105,10 @@ def recommend(
     best = min(able, key=lambda p: error(p) or 0.0, default=None)
     floor = study.reference.floor
     if metric == "trajectory" and target < floor:
-        limit = (
-            f"the reference is good to {floor / 10:.1e}, and errors below {floor:.1e} mean nothing"
+        how = (
+            "is good to" if study.reference.converged else "did not converge, and is wrong by up to"
         )
+        limit = f"the reference {how} {floor / 10:.1e}, and errors below {floor:.1e} mean nothing"
         return Recommendation(target=target, metric=metric, point=best, reached=False, limit=limit)
     rejected: list[str] = []
     good = sorted((p for p in able if (error(p) or 0.0) <= target), key=lambda p: cpu(p) or 0.0)

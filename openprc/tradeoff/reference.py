@@ -79,7 +79,10 @@ class ConvergedReference:
     @property
     def floor(self) -> float:
         """Errors below this are not told apart from those of the reference."""
-        return 10.0 * self.uncertainty
+        if self.converged:
+            return 10.0 * self.uncertainty
+        # What does not converge, or is contradicted, is wrong by all that was seen.
+        return 10.0 * max(self.uncertainty, self.differences[-1], self.check_difference or 0.0)
 
     def sentence(self) -> str:
         """Say in one sentence what is known."""

@@ -97,7 +97,7 @@ def by_tolerance(
         if len(profiles) >= 2 and (profiles[-1].max() <= needed or too_long):
             break
     assert frames is not None  # noqa: S101 - there are tolerances
-    stop = _first_above(profiles[-1], HORIZON_ERROR)
+    stop = _first_above(profiles[-1], max(HORIZON_ERROR, needed))
     differences = tuple(float(profile[: max(stop, 1)].max()) for profile in profiles)
     return Refined(
         positions=frames[:stop],

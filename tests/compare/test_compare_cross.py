@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from openprc.compare.requests import read_requests
 from openprc.errors import ConfigError
 from openprc.scenes.cantilever import AREA, LENGTH, MODULUS
 from openprc.scenes.catalog import build_scene
+from openprc.schema.experiment import Actuator, Experiment, Signal
+from openprc.schema.geometry import Bars, Geometry
 from openprc.schema.trajectory import Trajectory
 
 SAVED = Path(__file__).resolve().parents[3] / "shared" / "data" / "merlin"
@@ -80,10 +83,47 @@ def test_equilibria_are_put_in_time(tmp_path):
         exact = scene.reference.exact(timed.time)
         apart = np.linalg.norm(timed.positions() - exact, axis=2).max()
     assert apart < 1e-3 * np.linalg.norm(exact - exact[0], axis=2).max()
-    wrong = build_scene("miura", {"variant": "folding", "columns": 1, "rows": 1, "duration": 9.0})
+    wrong = replace(scene.experiment, save_interval=2.0 * scene.experiment.save_interval)
     with pytest.raises(ConfigError, match="do not follow the drives of the experiment"):
-        time_increments(run.path, wrong.experiment, tmp_path / "wrong.h5")
+        time_increments(run.path, wrong, tmp_path / "wrong.h5")
     assert not (tmp_path / "wrong.h5").exists()
+
+
+def pulled_bar(values):
+    """Return a bar of 10 N/m and 1 m along x that a force [N] pulls at its end, for 1 s."""
+    still = Signal(name="still", values=np.zeros(2), dt=1.0)
+    pull = Signal(name="pull", values=values, dt=1.0 / (len(values) - 1))
+    geometry = Geometry(
+        positions=[[0, 0, 0], [1, 0, 0]], masses=[1, 1], fixed=[1, 0],
+        bars=Bars(indices=[[0, 1]], stiffness=[10.0], rest_length=[1.0]),
+    )  # fmt: skip
+    return Experiment(
+        geometry=geometry,
+        signals={"still": still, "pull": pull},
+        actuators=(
+            Actuator(node=1, signal="still", axes=(False, True, True)),
+            Actuator(node=1, signal="pull", type="force", axes=(True, False, False)),
+        ),
+        duration=1.0, dt=0.05, save_interval=0.05,
+    )  # fmt: skip
+
+
+def test_load_factors_are_put_in_time(tmp_path):
+    # The force grows with the square of time.
+    experiment = pulled_bar(2.0 * np.linspace(0.0, 1.0, 201) ** 2)
+    (run,) = run_producers(
+        experiment, read_requests("merlin:control=arc-length:max-load=1"), tmp_path, warm_up=False
+    )
+    assert run.status == "ok", run.reason
+    how = time_increments(run.path, experiment, tmp_path / "in-time.h5")
+    assert "have their load factor" in how
+    with Trajectory(tmp_path / "in-time.h5") as timed:
+        assert timed.n_frames > 3
+        reached = timed.positions()[:, 1, 0]
+        assert reached == pytest.approx(1.0 + 0.2 * timed.time**2, abs=2e-5)
+    back = pulled_bar(2.0 * np.sin(np.linspace(0.0, 3.0, 201)))
+    with pytest.raises(ConfigError, match="do not all grow steadily, in one proportion"):
+        time_increments(run.path, back, tmp_path / "wrong.h5")
 
 
 @pytest.mark.skipif(not SAVED.is_dir(), reason="the runs of MERLIN are not here")

@@ -137,6 +137,29 @@ def test_a_turned_body_is_matched_together_with_its_motion(tmp_path, x, plain):
         assert pair.rms < 1e-14
 
 
+@pytest.mark.parametrize("dims", [2, 3])
+def test_a_part_in_another_frame_is_placed_by_its_distances(tmp_path, dims):
+    rest = np.random.default_rng(4).uniform(size=(40, 3)) * [3.0, 2.0, 1.0]
+    x = (rest + 1e-3 * np.sin(T)[:, None, None])[..., :dims]
+    markers = [31, 4, 17, 22, 9, 36, 2]
+    turn = rotation()[:dims, :dims] if dims == 3 else np.array([[0.6, -0.8], [0.8, 0.6]])
+    whole = write(tmp_path / "whole.h5", T, x)
+    part = write(tmp_path / "part.h5", T, (x[:, markers] - 5.0) @ turn)
+    pair = compared(whole, part, rigid_motion="all")
+    assert pair.n_nodes == 7
+    np.testing.assert_array_equal(pair.match.reference, sorted(markers))
+    assert pair.rms < 1e-13
+    assert compared(part, whole, rigid_motion="first").rms < 1e-13
+
+
+def test_few_counterparts_are_doubted(tmp_path):
+    rng = np.random.default_rng(4)
+    x = np.broadcast_to(rng.uniform(size=(60, 3)), (5, 60, 3))
+    other = np.broadcast_to(rng.uniform(size=(50, 3)), (5, 50, 3))
+    pair = compared(write(tmp_path / "a.h5", T[:5], x), write(tmp_path / "b.h5", T[:5], other))
+    assert any("may be laid onto each other wrongly" in note for note in pair.notes)
+
+
 def test_a_symmetric_body_cannot_be_told_apart(tmp_path):
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
     x = np.broadcast_to(square, (10, 4, 2))

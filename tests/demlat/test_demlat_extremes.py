@@ -166,6 +166,26 @@ def test_long_undamped_runs_are_told_to_get_out_of_phase(body):
     assert not found(integrator="dop853")
 
 
+@pytest.mark.parametrize(("scheme", "told"), [("verlet", True), ("pefrl", False)])
+def test_free_bodies_that_turn_many_times_are_told_to_get_out_of_phase(
+    simulate, body, scheme, told
+):
+    rate, k = 50.0, 1e4
+    r = k / (2.0 * k - rate**2)
+    scene = body(
+        [-r * X, r * X], [1, 1], bars=[(0, 1, k, 1.0, 0.0)],
+        velocities=[-rate * r * Y, rate * r * Y], integrator=scheme, dt=5e-4, duration=5.0,
+    )  # fmt: skip
+    model = BarHingeModel(scene)
+    last = [block.x[-1].copy() for _, block in model.blocks()][-1]
+    off = abs(np.angle(np.exp(1j * (np.arctan2(last[1, 1], last[1, 0]) - rate * 5.0))))
+    found = [remark for remark in model.closing_remarks() if "the body turned" in remark]
+    assert len(found) == told
+    assert (off > 5e-3) == told
+    if told:
+        assert found[0].startswith("the body turned at up to 50 rad/s, and 'verlet' turned it some")
+
+
 # --- places and sizes ------------------------------------------------------------------------
 
 

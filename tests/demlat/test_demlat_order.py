@@ -199,7 +199,7 @@ def test_every_integrator_keeps_its_order_behind_a_cubic_signal(body, drive, nam
     values[:, 0] = 0.05 * np.sin(3.0 * t) ** 2
     signal, actuator = drive(values, dt=0.1, node=0, type="position", interpolation="cubic")
     scene = body([0 * X, 1.1 * X], [1.0, 1.0], bars=[(0, 1, 100.0, 1.0, 0.0)], damping=1.0,
-                 save_interval=0.1, duration=2.0, dt=0.1, signals={"u": signal},
+                 save_interval=0.1, duration=2.0, dt=0.1, signals=(signal,),
                  actuators=(actuator,))  # fmt: skip
 
     def pulled(now, y):

@@ -69,7 +69,7 @@ def test_three_collinear_nodes_have_a_mechanism_and_a_self_stress_at_once():
     assert texts(line) == ["node 1 moves along y"]
 
 
-@pytest.mark.parametrize("n", [3, 8, 30])
+@pytest.mark.parametrize("n", [3, 8, 20])
 def test_grids_without_diagonals_shear_row_by_row(n, monkeypatch):
     # n rows and n columns shift one by one: 2 n motions, 3 of them of the grid as a whole.
     monkeypatch.setattr(rigidity, "DENSE", 100)  # the last one by sparse factors
@@ -87,7 +87,7 @@ def test_dense_and_sparse_algebra_agree(monkeypatch):
     monkeypatch.setattr(rigidity, "DENSE", 10)
     assert len(dense.loose) == 0
     sparse = null_space(rigidity_matrix(scene).matrix)
-    assert dense.count == sparse.count == 180 - 150
+    assert dense.dimension == sparse.dimension == 180 - 150
     # The same space: each basis lies in the other's span.
     overlap = np.linalg.svd(dense.basis.T @ sparse.basis, compute_uv=False)
     np.testing.assert_allclose(overlap, 1.0, atol=1e-9)

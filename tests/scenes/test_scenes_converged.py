@@ -9,7 +9,7 @@ from openprc.errors import NotConverged
 from openprc.scenes.catalog import build_scene
 from openprc.scenes.converged import converged_motion
 from openprc.schema.experiment import Actuator, Experiment, Signal
-from openprc.schema.geometry import Bars, Geometry
+from openprc.schema.geometry import Geometry
 
 
 @pytest.mark.parametrize("name", ["oscillator", "damped-oscillator"])

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from openprc.analysis.benchmarks.choices import Choices
 from openprc.errors import ConfigError, MissingInputError
-from openprc.reservoir import LeastSquares
+from openprc.reservoir import LeastSquares, Split
 from openprc.reservoir.training.evaluation import evaluate
 from openprc.reservoir.training.row_split import RowSplit
 from openprc.schema import Provenance, TrajectoryWriter
 from openprc.tradeoff.downstream import GROUPS, downstream_points
-from openprc.tradeoff.downstream_estimators import shortened
-from openprc.tradeoff.downstream_readouts import PENALTIES, DenseSolve, readouts
+from openprc.tradeoff.downstream_estimators import estimator_points, shortened
+from openprc.tradeoff.downstream_readouts import (
+    PENALTIES,
+    DenseSolve,
+    _worse_than_nothing,
+    readouts,
+)
+from openprc.tradeoff.downstream_rows import downstream_rows
 from openprc.tradeoff.downstream_storage import rounded, series_size
 
 HOLD, N_NODES, N_SYMBOLS = 0.1, 7, 900
@@ -205,6 +214,27 @@ def test_a_run_without_input_has_no_downstream_side(tmp_path):
     path = write_body(tmp_path / "run.h5", with_input=False)
     with pytest.raises(MissingInputError, match="does not say what drove"):
         next(downstream_points(path, None))
+
+
+def test_spans_are_a_fifth_and_a_tenth_unless_they_are_chosen(run):
+    with downstream_rows(run, None) as rows:
+        assert rows.split == RowSplit(180, 630, 90)
+    chosen = Choices(split=Split(washout=100, train=500, test=200, unit="rows"))
+    with downstream_rows(run, None, chosen) as rows:
+        assert rows.split == RowSplit(100, 500, 200)
+
+
+def test_errors_above_that_of_the_mean_are_remarked_on():
+    assert not _worse_than_nothing({"narma2_nrmse": 0.9})
+    assert "narma2_nrmse above 1" in _worse_than_nothing({"narma2_nrmse": 7.6, "ipc": 0.5})
+
+
+def test_an_input_that_remembers_has_no_estimators(run):
+    with downstream_rows(run, None) as rows:
+        u = np.convolve(rows.u, np.ones(9), mode="same")
+        (point,) = estimator_points(replace(rows, u=u))
+    assert point.status == "refused"
+    assert "autocorrelation" in point.note
 
 
 def test_points_survive_json(points):

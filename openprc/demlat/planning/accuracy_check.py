@@ -13,6 +13,8 @@ from openprc.demlat.models.barhinge.support import supports
 from openprc.demlat.planning.accuracy_growth import grown
 from openprc.demlat.planning.accuracy_pilot import Pilot, error_curve, make_window
 from openprc.demlat.planning.accuracy_schemes import eligible_schemes
+from openprc.demlat.planning.run_cost import run_cost
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError
 from openprc.hooks.running import refuse_unsupported
 
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Share of the run that is repeated, and the fewest frames.
 STRETCH, LEAST_FRAMES = 0.1, 32
+#: A run that takes less time than this by the cost constants [s] is repeated as a whole.
+QUICK = 0.5
 #: What a tolerance is divided by, where a step would be halved.
 TIGHTER = 100.0
 
@@ -94,6 +98,8 @@ def estimate_error(experiment: Experiment) -> ErrorEstimate:
     refuse_unsupported(supports(experiment), producer="demlat")
     eligible = eligible_schemes(experiment)[0]
     wanted = max(STRETCH * experiment.duration, LEAST_FRAMES * experiment.save_interval)
+    if run_cost(experiment, step_limit(experiment)).seconds < QUICK:
+        wanted = experiment.duration
     window = make_window(experiment, wanted=min(wanted, experiment.duration))
     pilot = Pilot(experiment, window, most=math.inf)
     if scheme.step == "adaptive":

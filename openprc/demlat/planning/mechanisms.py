@@ -118,7 +118,7 @@ def mechanisms(experiment: Experiment) -> tuple[int, int] | None:
     if found is None:
         return None
     whole = sum(piece.motions.shape[1] for piece in _pieces(experiment))
-    return found.count - whole, whole
+    return found.dimension - whole, whole
 
 
 def free_motions(experiment: Experiment) -> FreeMotions | None:
@@ -132,14 +132,14 @@ def free_motions(experiment: Experiment) -> FreeMotions | None:
         return None
     pieces = _pieces(experiment)
     whole = sum(piece.motions.shape[1] for piece in pieces)
-    rank = system.n_free - found.count
+    rank = system.n_free - found.dimension
     names = [f"{system.kind[row][:-1]} {system.element[row]}" for row in redundant[1]]
-    shown = _shown(experiment, system, pieces, n_inner=found.count - whole)
+    shown = _shown(experiment, system, pieces, n_inner=found.dimension - whole)
     return FreeMotions(
         n_free=system.n_free,
         n_rows=int(system.matrix.shape[0]),
         rank=rank,
-        n_mechanisms=found.count - whole,
+        n_mechanisms=found.dimension - whole,
         n_whole=whole,
         n_redundant=int(system.matrix.shape[0]) - rank,
         n_redundant_rigid=redundant[0],

@@ -65,21 +65,21 @@ class NullSpace(NamedTuple):
 
     Attributes
     ----------
-    count : int
-    basis : (n, count), or (n, fewer) where they are too many to compute
+    dimension : int
+    basis : (n, dimension), or (n, fewer) where they are too many to compute
         Orthonormal.
     loose : (L,)
         Coordinates that no element holds; they are not in `basis`, and are counted.
     """
 
-    count: int
+    dimension: int
     basis: Reals
     loose: Places
 
     @property
     def complete(self) -> bool:
         """Whether every motion is there."""
-        return self.basis.shape[1] + len(self.loose) == self.count
+        return bool(self.basis.shape[1] + len(self.loose) == self.dimension)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ class RigidityMatrix:
         found = null_space(rows)
         if found is None:
             return None
-        n_redundant = len(at) - (self.n_free - found.count)
+        n_redundant = len(at) - (self.n_free - found.dimension)
         if n_redundant == 0 or len(at) > DENSE:
             return n_redundant, at[:0]
         used = np.flatnonzero(np.diff(sparse.csc_array(rows).indptr))

@@ -8,11 +8,30 @@ from typing import TYPE_CHECKING
 
 from openprc.demlat.integrators import find_integrator
 from openprc.demlat.planning.stability import step_limit
-from openprc.errors import ConfigError
+from openprc.errors import ConfigError, UnsupportedScene
 from openprc.schema.experiment_checks import check_experiment
 
 if TYPE_CHECKING:
     from openprc.schema.experiment import Experiment
+
+
+def refuse_open_step(experiment: Experiment, *, where: str) -> None:
+    """Refuse an experiment whose step is left to an accuracy.
+
+    Raises
+    ------
+    UnsupportedScene
+    """
+    if experiment.accuracy is not None:
+        raise UnsupportedScene(
+            f"an accuracy of {experiment.accuracy:g} in {where}, where no pilot can be run",
+            expected="an integrator and a dt",
+            fix="choose them on one typical scene with"
+            " openprc.demlat.planning.accuracy.settled(scene, only=('rk4', 'verlet')), and take"
+            " its integrator and dt",
+            file=experiment.path,
+            key="simulation.accuracy",
+        )
 
 
 def with_chosen_step(experiment: Experiment) -> Experiment:

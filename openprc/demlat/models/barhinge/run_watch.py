@@ -9,6 +9,7 @@ import numpy as np
 
 from openprc.demlat.integrators import INTEGRATORS
 from openprc.demlat.models.barhinge.tables import FrameBuffer
+from openprc.demlat.models.barhinge.turning import Turning
 from openprc.errors import Diverged
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ class RunWatch:
         self._shrunk: tuple[float, int, float] = (np.inf, 0, 0.0)
         self._last: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._crossed: dict[int, float] = {}
+        self._turning = Turning(experiment)
         self._moved = self._fast = self._far = 0.0
         self._reference: NDArray[np.float64] | None = None
 
@@ -96,6 +98,7 @@ class RunWatch:
             self._follow_hinges(first, head)
             self._measure(first, head)
             self._follow_bars(first, head)
+            self._turning.follow(head.x, head.v)
         return count
 
     def not_finite(self, first: int, block: FrameBuffer) -> Diverged:
@@ -148,6 +151,7 @@ class RunWatch:
         """Yield what a reader of the finished run should know."""
         yield from self._balance()
         yield from self._turned_through()
+        yield from self._turning.remarks()
         yield from self._lost_in_rounding()
         reach, bar, time = self._shrunk
         if self._crossed or reach < SHRUNK:
@@ -294,7 +298,9 @@ class RunWatch:
         adaptive = INTEGRATORS[experiment.integrator].step == "adaptive"
         bars = experiment.geometry.bars.rest_length
         size = float(bars.mean()) if len(bars) else 0.0
-        if adaptive and 0.0 < self._moved < QUIET * size:
+        # What goes round and comes back to where it was at every frame is not quiet.
+        slow = self._fast * experiment.save_interval < size
+        if adaptive and slow and 0.0 < self._moved < QUIET * size:
             tolerance = experiment.tolerance or 1e-6
             share = tolerance * QUIET * size / self._moved
             if share > tolerance:
