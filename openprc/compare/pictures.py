@@ -64,9 +64,9 @@ def error_over_time(report: Report) -> Figure | None:
     if report.scale is not None:
         axes.axhline(SHARE * report.scale, color="0.3", lw=0.8, ls="-.")
         axes.annotate(
-            "1 % of the scale", (0.995, SHARE * report.scale), (0, 2),
+            "1 % of the scale", (0.995, SHARE * report.scale), (0, -2),
             xycoords=("axes fraction", "data"), textcoords="offset points",
-            ha="right", va="bottom", fontsize=8, color="0.3",
+            ha="right", va="top", fontsize=8, color="0.3",
         )  # fmt: skip
     axes.set(xlabel=_clock_label(report), ylabel=f"rms difference [{report.unit}]")
     axes.grid(alpha=0.3)

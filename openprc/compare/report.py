@@ -147,14 +147,13 @@ class Report:
         pair = self.pair(name)
         if pair is None:
             return ()
-        said = list(pair.notes)
+        # Runs of one experiment had one drive, whether or not their files can say so.
+        one_drive = bool(self.runs) and pair.drive.verdict == "missing"
+        said = [note for note in pair.notes if not (one_drive and pair.drive.text in note)]
         if pair.unmatched:
             said.insert(0, f"{len(pair.unmatched)} nodes of the reference are not in it")
         if pair.interpolant != "none":
             said.append(f"the {pair.interpolated} was read between its frames ({pair.interpolant})")
-        # The known motion of a scene, for one, does not say what drove it.
-        if pair.drive.verdict in ("scaled", "different"):
-            said.append(pair.drive.text)
         return tuple(said)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,6 +86,8 @@ def draw_study(study: Study, folder: Path) -> Plot:
                 zorder=0,
                 label="floor: 10 x what the reference is wrong by",
             )
+    for axes in (left, right):
+        _whole_decades(axes)
     left.set_xlabel("CPU time of one thread [ms]")
     right.set_xlabel("evaluations of all forces [1]")
     left.set_ylabel("largest rms error / rms displacement [1]")
@@ -95,6 +98,14 @@ def draw_study(study: Study, folder: Path) -> Plot:
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
     return Plot(figure, folder / NAME)
+
+
+def _whole_decades(axes: Any) -> None:
+    """Let the axis of costs begin and end at a power of ten: labels between them collide."""
+    costs = [x for line in axes.lines if line.get_marker() != "None" for x in line.get_xdata()]
+    low = math.floor(math.log10(min(costs, default=1.0)) + 1e-9)
+    high = math.ceil(math.log10(max(costs, default=10.0)) - 1e-9)
+    axes.set_xlim(0.8 * 10.0**low, 1.25 * 10.0 ** max(high, low + 1))
 
 
 def _line(

@@ -130,7 +130,7 @@ def test_how_many_steps_a_frame_has_to_be_divided_into(dt, interpolation, unit):
 
 
 def test_ensembles_and_stepped_bodies_want_a_step():
-    with pytest.raises(UnsupportedScene, match="an accuracy of 0.0001 in an ensemble"):
+    with pytest.raises(UnsupportedScene, match=r"an accuracy of 0\.0001 in an ensemble"):
         run_ensemble([asked()])
     held = Signal(name="u", values=[0.0], dt=1.0)
     push = Actuator(node=1, signal="u", type="force", axes=(True, False, False))

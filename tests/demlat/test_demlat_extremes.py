@@ -8,7 +8,7 @@ import pytest
 
 from openprc.demlat import BarHingeModel, Engine
 from openprc.demlat.models.barhinge.support import remarks
-from openprc.demlat.planning.phase_drift import turn
+from openprc.demlat.planning.phase_drift import tolerance_remarks, turn
 from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 from openprc.schema import Trajectory
@@ -184,6 +184,23 @@ def test_free_bodies_that_turn_many_times_are_told_to_get_out_of_phase(
     assert (off > 5e-3) == told
     if told:
         assert found[0].startswith("the body turned at up to 50 rad/s, and 'verlet' turned it some")
+
+
+def test_what_rounding_and_tolerances_add_up_to_is_told(body):
+    scene = body(
+        [0 * X, 1.1 * X], [1, 1], fixed=[1, 0], bars=[(0, 1, 100.0, 1.0, 0.0)],
+        precision="float32", dt=1e-3, save_interval=1.0, duration=200.0,
+    )  # fmt: skip
+    (found,) = [remark for remark in remarks(scene) if "rounds to" in remark]
+    assert "each of 200,000 steps rounds to float32: up to 0.024 of the motion" in found
+    assert not [r for r in remarks(replace(scene, precision="float64")) if "rounds to" in r]
+    assert not [r for r in remarks(replace(scene, damping=0.1)) if "rounds to" in r]
+    adaptive = replace(scene, integrator="rk45", tolerance=1e-5, precision="float64")
+    (told,) = tolerance_remarks(adaptive, 10_000)
+    assert "rk45 took 10,000 steps, each with an error of up to 1e-05 of the motion" in told
+    assert "up to 0.1 by the end" in told
+    assert list(tolerance_remarks(adaptive, 100)) == []
+    assert list(tolerance_remarks(replace(adaptive, damping=0.1), 10_000)) == []
 
 
 # --- places and sizes ------------------------------------------------------------------------

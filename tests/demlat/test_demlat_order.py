@@ -112,8 +112,9 @@ def test_the_energy_balance_closes_with_the_same_order(lattice, simulate, drive)
 
 # --- every integrator ----------------------------------------------------------------------------
 
-#: Step of the first rung [s]; the old stepping is of first order and grows besides.
-FIRST_STEPS = dict.fromkeys(INTEGRATORS, 0.0125) | {"legacy": 0.0125 / 16}
+#: Step of the first rung [s]; the old stepping is of first order and grows besides, and errors
+#: of pefrl soon are those of rounding.
+FIRST_STEPS = dict.fromkeys(INTEGRATORS, 0.0125) | {"legacy": 0.0125 / 16, "pefrl": 0.025}
 #: Steps that schemes which choose their own are held to; frames are 0.2 s apart then.
 FORCED_STEPS = {"rk45": (0.05, 0.025, 0.0125, 0.00625), "dop853": (0.2, 0.1, 0.05)}
 WITHIN = 0.2
@@ -207,6 +208,10 @@ def test_every_integrator_keeps_its_order_behind_a_cubic_signal(body, drive, nam
         return [y[1], -100.0 * (y[0] - wall - 1.0) - y[1]]
 
     exact = np.zeros((21, 3))
-    exact[:, 0] = solve_ivp(pulled, (0.0, 2.0), [1.1, 0.0], method="DOP853", t_eval=t,
-                            rtol=1e-13, atol=1e-14, max_step=0.02).y[0]  # fmt: skip
+    exact[0, 0], state = 1.1, [1.1, 0.0]
+    for frame in range(20):  # from knot to knot, between which the spline is smooth
+        state = solve_ivp(
+            pulled, t[frame : frame + 2], state, method="DOP853", rtol=1e-13, atol=1e-15
+        ).y[:, -1]
+        exact[frame + 1, 0] = state[0]
     assert measured_order(scene, name, exact) == pytest.approx(INTEGRATORS[name].order, abs=WITHIN)

@@ -28,7 +28,18 @@ def assert_holds(scene, path):
         assert result.ok, result.as_dict()
 
 
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "bouncing-body"])
+#: Many steps, each of which calls PyBullet for every node.
+LONG = ("cantilever", "hauser-network", "miura")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in LONG else ())
+        for name in SCENES
+        if name != "bouncing-body"
+    ],
+)
 def test_pybullet(run_scene, name):
     pytest.importorskip("pybullet")
     pytest.importorskip("openprc_pybullet")
@@ -109,7 +120,7 @@ def test_a_path_of_equilibria_is_no_motion(run_scene):
         verify_scene(scene, run)
 
 
-def test_shortening_the_steps_brings_pybullet_to_demlat(run_scene):
+def test_pybullet_steps_as_verlet_does(run_scene):
     """Both step as leapfrog does: the same numbers to rounding."""
     pytest.importorskip("pybullet")
     pytest.importorskip("openprc_pybullet")

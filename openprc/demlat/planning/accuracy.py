@@ -52,6 +52,8 @@ PILOT_RUNS = 12.0
 SYMBOLS = 3
 #: All trials together cost at most so many times what the window was made for.
 OVERRUN = 4.0
+#: A motion whose best estimate is above this is not short of digits but unstable.
+LOST = 1e-3
 
 
 _KNOWN: WeakKeyDictionary[Experiment, AccuracyChoice] = WeakKeyDictionary()
@@ -183,7 +185,13 @@ class _Chooser:
             best = min(candidates, key=lambda one: one.error)
         remarks = tuple(self._remarks(best, stability))
         if best.error > self.accuracy and not remarks:
-            raise self._out_of_reach(best)
+            if best.error < LOST or self.experiment.precision == "float32":
+                raise self._out_of_reach(best)
+            remarks = (
+                f"the motion amplifies errors beyond what any step can follow: the least that the"
+                f" pilot found is {best.error:.1e} instead of {self.accuracy:g}, so that only its"
+                " statistics can be trusted",
+            )
         return self._record(best, candidates, stability, remarks)
 
     def _reference(self) -> Eligible:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 #: Radians by which the fastest mode may be out of phase at the end without a word.
 MOST = 1.0
+#: Share of the motion that rounding may add up to without a word, where nothing damps it.
+MOST_ROUNDED = 5e-3
+#: Share of the motion that the errors of steps within the tolerance may add up to likewise.
+MOST_TOLERATED = 5e-3
 
 
 def turn(scheme: str, phase: float) -> float:
@@ -47,6 +51,17 @@ def turn(scheme: str, phase: float) -> float:
     return pefrl_turn(phase) if kind == "pefrl" else phase
 
 
+def is_undamped(experiment: Experiment) -> bool:
+    """Say whether nothing but the scheme takes energy."""
+    geometry = experiment.geometry
+    dampers = (geometry.bars, geometry.hinges, geometry.bends)
+    return not (
+        experiment.damping > 0.0
+        or any(elements.damping.any() for elements in dampers)
+        or geometry.bars.damping_cubic.any()
+    )
+
+
 def drift_remarks(experiment: Experiment) -> Iterator[str]:
     """Yield how far the fastest mode gets out of phase, where nothing damps it.
 
@@ -54,13 +69,16 @@ def drift_remarks(experiment: Experiment) -> Iterator[str]:
     tolerance.
     """
     scheme = INTEGRATORS.get(experiment.integrator)
-    if scheme is None or scheme.step != "fixed" or experiment.damping > 0.0:
-        return
-    geometry = experiment.geometry
-    dampers = (geometry.bars, geometry.hinges, geometry.bends)
-    if any(elements.damping.any() for elements in dampers) or geometry.bars.damping_cubic.any():
+    if scheme is None or scheme.step != "fixed" or not is_undamped(experiment):
         return
     steps = experiment.steps_per_frame * (experiment.n_frames - 1)
+    rounded = float(np.finfo(experiment.precision).eps) * steps
+    if rounded > MOST_ROUNDED:
+        yield (
+            f"nothing damps the body, and each of {steps:,} steps rounds to"
+            f" {experiment.precision}: up to {rounded:.2g} of the motion by the end"
+            + ("; float64 rounds a billion times less" if experiment.precision != "float64" else "")
+        )
     bound = math.sqrt(TangentOperators(experiment).stiffness_bound())
     if _drift(experiment, bound, steps) <= MOST:
         return
@@ -85,3 +103,15 @@ def _drift(experiment: Experiment, omega: float, steps: int) -> float:
         parts = max(1, math.ceil(phase / 1.6))
     part = phase / parts
     return abs(turn(experiment.integrator, part) - part) * parts * steps
+
+
+def tolerance_remarks(experiment: Experiment, steps: int) -> Iterator[str]:
+    """Yield what the errors of so many steps, each within the tolerance, may add up to."""
+    tolerance = 1e-6 if experiment.tolerance is None else experiment.tolerance
+    share = tolerance * steps
+    if share > MOST_TOLERATED and is_undamped(experiment):
+        yield (
+            f"nothing damps the body, and {experiment.integrator} took {steps:,} steps, each with"
+            f" an error of up to {tolerance:g} of the motion: up to {share:.2g} by the end if they"
+            " add up; lower the tolerance"
+        )

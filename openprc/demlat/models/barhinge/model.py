@@ -19,6 +19,7 @@ from openprc.demlat.models.barhinge.tables import (
     LEDGER_STRIDE,
     FrameBuffer,
 )
+from openprc.demlat.planning.phase_drift import tolerance_remarks
 from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError, Diverged
 
@@ -100,6 +101,8 @@ class BarHingeModel:
         """Yield what a reader of the result should know once all frames are there."""
         if self._watch is not None:
             yield from self._watch.remarks()
+        if steps := self.effort.get("steps", 0):
+            yield from tolerance_remarks(self.experiment, steps)
 
     def _integrated(self) -> Iterator[tuple[int, FrameBuffer]]:
         # Compiled code is loaded when something runs, not when an experiment is built.
