@@ -36,7 +36,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from openprc.compare.alignment_settings import AlignmentSettings
+from openprc.compare.alignment.settings import AlignmentSettings
 from openprc.compare.comparison import compare_files
 from openprc.schema import Provenance, TrajectoryWriter
 

@@ -40,8 +40,8 @@ from rich.table import Table
 
 from openprc.analysis.tasks.narma import NarmaTask
 from openprc.analysis.tasks.volterra import VolterraTask
-from openprc.compare.producers import ProducerRun, run_producers
-from openprc.compare.requests import read_requests
+from openprc.compare.runs.producers import ProducerRun, run_producers
+from openprc.compare.runs.requests import read_requests
 from openprc.hooks.importing import import_file
 from openprc.scenes.cantilever import AREA, LENGTH, MODULUS
 from openprc.scenes.catalog import build_scene

@@ -12,11 +12,11 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from openprc.compare.chaos import judge_difference
+from openprc.compare.chaos.judgement import judge_difference
 from openprc.compare.comparison import compare_files
-from openprc.compare.page import save_page
-from openprc.compare.producers import run_producers
-from openprc.compare.requests import read_requests
+from openprc.compare.page.html import save_page
+from openprc.compare.runs.producers import run_producers
+from openprc.compare.runs.requests import read_requests
 from openprc.compare.studies import Choices, compare_producers
 from openprc.scenes.catalog import build_scene
 

@@ -148,7 +148,7 @@ def _refuse_results(folder: Path, *, runs: bool) -> None:
 
 
 def _choices(options: dict[str, Any]) -> Choices:
-    from openprc.compare.alignment_settings import AlignmentSettings  # noqa: PLC0415 - work
+    from openprc.compare.alignment.settings import AlignmentSettings  # noqa: PLC0415 - work
     from openprc.compare.studies import Choices  # noqa: PLC0415 - likewise
 
     given = {
@@ -186,7 +186,7 @@ def _of_scene(
     force: bool,
     as_json: bool,
 ) -> Report:
-    from openprc.compare.requests import read_requests  # noqa: PLC0415 - loads the plugins
+    from openprc.compare.runs.requests import read_requests  # noqa: PLC0415 - loads the plugins
     from openprc.compare.studies import compare_producers  # noqa: PLC0415 - likewise
     from openprc.scenes.catalog import build_scene, write_scene  # noqa: PLC0415 - likewise
     from openprc.schema.experiment import load_experiment  # noqa: PLC0415 - likewise
@@ -209,7 +209,7 @@ def _of_scene(
 
 
 def _written(report: Report, folder: Path, *, force: bool) -> list[Path]:
-    from openprc.compare.page import save_page  # noqa: PLC0415 - loads matplotlib
+    from openprc.compare.page.html import save_page  # noqa: PLC0415 - loads matplotlib
 
     folder.mkdir(parents=True, exist_ok=True)
     return [

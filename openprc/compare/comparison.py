@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from openprc.compare.alignment_settings import AlignmentSettings
+from openprc.compare.alignment.settings import AlignmentSettings
 from openprc.compare.pair_comparison import PairComparison
 from openprc.compare.pairing import compare_pair
 from openprc.errors import ConfigError

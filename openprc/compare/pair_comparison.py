@@ -10,16 +10,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from openprc.compare.drives import DriveComparison
-    from openprc.compare.element_errors import ElementError
-    from openprc.compare.energies import PairEnergies
-    from openprc.compare.error_norms import ErrorNorms
-    from openprc.compare.example_traces import Trace
-    from openprc.compare.interpolation_error import InterpolationError
-    from openprc.compare.node_matching import NodeMatch
-    from openprc.compare.rigid_motion import RigidMotion
-    from openprc.compare.spectra import Spectra
-    from openprc.compare.time_shift import TimeShift
+    from openprc.compare.alignment.interpolation_error import InterpolationError
+    from openprc.compare.alignment.node_matching import NodeMatch
+    from openprc.compare.alignment.rigid_motion import RigidMotion
+    from openprc.compare.alignment.time_shift import TimeShift
+    from openprc.compare.deviations.drives import DriveComparison
+    from openprc.compare.deviations.element_errors import ElementError
+    from openprc.compare.deviations.energies import PairEnergies
+    from openprc.compare.deviations.error_norms import ErrorNorms
+    from openprc.compare.deviations.example_traces import Trace
+    from openprc.compare.deviations.spectra import Spectra
 
     Reals = NDArray[np.float64]
 

@@ -6,27 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.compare.clocks import ClockPair, clock_pair
-from openprc.compare.common_clock import CommonClock, common_clock
-from openprc.compare.coordinates import CommonSpace, Coordinates, common_space
-from openprc.compare.drives import compare_drives
-from openprc.compare.energies import pair_energies
-from openprc.compare.example_traces import worst_traces
-from openprc.compare.frame_reading import FrameReader
-from openprc.compare.interpolation_error import InterpolationError, choose_interpolant
-from openprc.compare.node_matching import NodeMatch, match_nodes
+from openprc.compare.alignment.clocks import ClockPair, clock_pair
+from openprc.compare.alignment.common_clock import CommonClock, common_clock
+from openprc.compare.alignment.coordinates import CommonSpace, Coordinates, common_space
+from openprc.compare.alignment.frame_reading import FrameReader
+from openprc.compare.alignment.interpolation_error import InterpolationError, choose_interpolant
+from openprc.compare.alignment.node_matching import NodeMatch, match_nodes
+from openprc.compare.alignment.paired_frames import PairedFrames, SampledFile, refuse_too_large
+from openprc.compare.alignment.rigid_motion import RigidMotion, fit_rigid_motion
+from openprc.compare.alignment.time_shift import TimeShift, estimate_shift
+from openprc.compare.deviations.drives import compare_drives
+from openprc.compare.deviations.energies import pair_energies
+from openprc.compare.deviations.example_traces import worst_traces
+from openprc.compare.deviations.pair_sums import PairSums, speed_reader
 from openprc.compare.pair_comparison import PairComparison
-from openprc.compare.pair_sums import PairSums, speed_reader
-from openprc.compare.paired_frames import PairedFrames, SampledFile, refuse_too_large
-from openprc.compare.rigid_motion import RigidMotion, fit_rigid_motion
-from openprc.compare.time_shift import TimeShift, estimate_shift
 from openprc.errors import ConfigError, MissingData
 from openprc.schema import units
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.compare.alignment_settings import AlignmentSettings
+    from openprc.compare.alignment.settings import AlignmentSettings
     from openprc.hooks.protocols import Progress
     from openprc.schema.trajectory import Trajectory
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from openprc.compare.producers import COST_TEXT
+from openprc.compare.runs.producers import COST_TEXT
 from openprc.schema.atomic import atomic_file
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.compare.chaos import Divergence
+    from openprc.compare.chaos.judgement import Divergence
+    from openprc.compare.chaos.twins import TwinStudy
     from openprc.compare.comparison import Comparison, PairComparison
-    from openprc.compare.producers import ProducerRun
+    from openprc.compare.runs.producers import ProducerRun
     from openprc.compare.task_scores import TaskScores
-    from openprc.compare.twins import TwinStudy
     from openprc.scenes.physics import Physics
 
     Reals = NDArray[np.float64]

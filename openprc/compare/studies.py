@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from openprc.compare.chaos import judge_difference
-from openprc.compare.load_steps import counts_increments, time_increments
-from openprc.compare.probing import energy_over_time, probe_run
-from openprc.compare.producers import ProducerRun, run_producers
-from openprc.compare.reference_run import reference_name, write_exact
+from openprc.compare.chaos.judgement import judge_difference
 from openprc.compare.report import Report
-from openprc.compare.run_names import files_by_name, reference_first
+from openprc.compare.runs.known_motion import reference_name, write_exact
+from openprc.compare.runs.load_steps import counts_increments, time_increments
+from openprc.compare.runs.names import files_by_name, reference_first
+from openprc.compare.runs.probing import energy_over_time, probe_run
+from openprc.compare.runs.producers import ProducerRun, run_producers
 from openprc.errors import ConfigError, OpenPRCError
 from openprc.hooks.running import silent
 from openprc.schema.trajectory import Trajectory
@@ -23,11 +23,11 @@ from openprc.schema.trajectory import Trajectory
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from openprc.compare.alignment_settings import AlignmentSettings
+    from openprc.compare.alignment.settings import AlignmentSettings
+    from openprc.compare.chaos.twins import TwinStudy
     from openprc.compare.comparison import Comparison
-    from openprc.compare.requests import Request
+    from openprc.compare.runs.requests import Request
     from openprc.compare.task_scores import TaskScores
-    from openprc.compare.twins import TwinStudy
     from openprc.hooks.protocols import Progress
     from openprc.hooks.registry import Registry
     from openprc.scenes.scene import Scene
@@ -115,7 +115,7 @@ def compare_producers(
     ----------
     experiment : Experiment
     requests : sequence of Request
-        See `openprc.compare.requests.read_requests`.
+        See `openprc.compare.runs.requests.read_requests`.
     folder : path-like
         Gets the runs.
     scene : Scene, optional
@@ -283,7 +283,7 @@ def _twins(
     registry: Registry | None,
 ) -> tuple[TwinStudy | None, tuple[str, ...]]:
     """Run perturbed twins where a difference is large enough to ask why."""
-    from openprc.compare.twins import twin_study  # noqa: PLC0415 - only then
+    from openprc.compare.chaos.twins import twin_study  # noqa: PLC0415 - only then
 
     if choices.twins is False or scale is None:
         return None, ()

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from openprc.compare.chaos import judge_difference
-from openprc.compare.growth import measure_growth, time_of_share
-from openprc.compare.twins import displacements, twin_study
+from openprc.compare.chaos.growth import measure_growth, time_of_share
+from openprc.compare.chaos.judgement import judge_difference
+from openprc.compare.chaos.twins import displacements, twin_study
 from openprc.errors import ConfigError
 from openprc.hooks import run_experiment
 from openprc.scenes.catalog import build_scene, write_scene

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from openprc.compare.load_steps import counts_increments, time_increments
-from openprc.compare.producers import run_producers
-from openprc.compare.requests import read_requests
+from openprc.compare.runs.load_steps import counts_increments, time_increments
+from openprc.compare.runs.producers import run_producers
+from openprc.compare.runs.requests import read_requests
 from openprc.errors import ConfigError
 from openprc.scenes.cantilever import AREA, LENGTH, MODULUS
 from openprc.scenes.catalog import build_scene

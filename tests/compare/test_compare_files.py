@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compared_files import REST, compared, motion, rms, write
 
-from openprc.compare.alignment_settings import AlignmentSettings
+from openprc.compare.alignment.settings import AlignmentSettings
 from openprc.compare.comparison import COLUMNS, compare_files, short_names
 from openprc.errors import ConfigError, IncompleteFile, MissingData, SchemaError, UnitError
 from openprc.schema import Provenance, TrajectoryWriter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compared_files import compared, motion, rotation, write
 
-from openprc.compare.rigid_motion import fit_rigid_motion
+from openprc.compare.alignment.rigid_motion import fit_rigid_motion
 from openprc.errors import MissingData
 
 T = 0.01 * np.arange(300)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compared_files import REST, compared, motion, rotation, write
 
-from openprc.compare.node_assignment import assign, neighbour_distance
+from openprc.compare.alignment.node_assignment import assign, neighbour_distance
 from openprc.errors import ConfigError, MissingData
 
 T = 0.02 * np.arange(100)

@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from openprc.compare import page
-from openprc.compare.page import page_text
+from openprc.compare.page import html as page
+from openprc.compare.page.html import page_text
 from openprc.compare.studies import Choices, compare_runs
 from openprc.errors import ResultExists
 from openprc.schema import Provenance, TrajectoryWriter

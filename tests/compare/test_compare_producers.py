@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from openprc.compare.producers import run_producers
-from openprc.compare.reference_run import reference_name, write_exact
-from openprc.compare.requests import read_requests
-from openprc.compare.run_names import files_by_name, reference_first
+from openprc.compare.runs.known_motion import reference_name, write_exact
+from openprc.compare.runs.names import files_by_name, reference_first
+from openprc.compare.runs.producers import run_producers
+from openprc.compare.runs.requests import read_requests
 from openprc.compare.studies import Choices, compare_producers, compare_runs
 from openprc.errors import ConfigError, ResultExists, UnknownName
 from openprc.scenes.catalog import build_scene

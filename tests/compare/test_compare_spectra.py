@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compared_files import REST, compared, motion, write
 
-from openprc.compare.spectra import segment_length, spectral_peaks
+from openprc.compare.deviations.spectra import segment_length, spectral_peaks
 
 T = 0.01 * np.arange(2000)
 
@@ -68,7 +68,7 @@ def test_slow_motion_is_told_to_be_unresolved(tmp_path):
 
 
 def test_long_records_have_segments_spread_over_them(monkeypatch, tmp_path):
-    from openprc.compare import spectra
+    from openprc.compare.deviations import spectra
 
     monkeypatch.setattr(spectra, "SAMPLES", 6 * 2 * 18 * 64)
     x = swing(3.1)

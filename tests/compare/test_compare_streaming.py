@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compared_files import REST, compared, motion, rms, rotation, write
 
-from openprc.compare.example_traces import POINTS
+from openprc.compare.deviations.example_traces import POINTS
 from openprc.hooks.importing import import_file
 
 DATA = Path(__file__).resolve().parents[2] / "../shared/data"
@@ -91,7 +91,7 @@ def test_long_runs_have_an_overview_and_a_detail(tmp_path):
 
 
 def test_an_overview_that_does_not_fit_is_read_again(tmp_path, monkeypatch):
-    from openprc.compare import example_traces
+    from openprc.compare.deviations import example_traces
 
     t = 0.001 * np.arange(2500)
     files = [write(tmp_path / f"{k}.h5", t, motion(t)[0] + 1e-3 * k) for k in (0, 1)]

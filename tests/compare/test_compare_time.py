@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compared_files import REST, compared, motion, write
 
-from openprc.compare.interpolants import weights_at
+from openprc.compare.alignment.interpolants import weights_at
 from openprc.errors import ConfigError, NonUniformTime, SchemaError
 
 

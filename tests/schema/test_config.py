@@ -111,7 +111,12 @@ MISTAKES = [
         r"simulation\.durration: unknown key",
         "did you mean 'duration'",
     ),
-    (["simulation", "zzz"], 1, r"simulation\.zzz: unknown key", "known here: accuracy, duration, dt"),
+    (
+        ["simulation", "zzz"],
+        1,
+        r"simulation\.zzz: unknown key",
+        "known here: accuracy, duration, dt",
+    ),
     (["phisics"], {}, r"phisics: unknown key", "did you mean 'physics'"),
     (["physics", "gravity"], [0, 1], r"physics\.gravity: found \[0, 1\]|physics\.gravity", ""),
     (["physics", "gravity"], "down", r"physics\.gravity: found 'down'", "along z when one number"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from openprc.compare.alignment_settings import AlignmentSettings
+from openprc.compare.alignment.settings import AlignmentSettings
 from openprc.compare.comparison import compare_files
 from openprc.schema import Provenance, TrajectoryWriter
 

@@ -34,6 +34,7 @@ from openprc.demlat.planning.accuracy_schemes import (
     with_scheme,
 )
 from openprc.demlat.planning.accuracy_search import Candidate, Search, Truth
+from openprc.demlat.planning.stability import step_limit
 from openprc.errors import ConfigError
 from openprc.hooks.running import refuse_unsupported
 from openprc.schema.experiment import AUTO
@@ -50,6 +51,8 @@ LEAST_SECONDS = 0.25
 PILOT_RUNS = 12.0
 #: A pilot covers so many symbols of every signal from where it begins to change.
 SYMBOLS = 3
+#: ... and at least so many periods of the fastest mode.
+PERIODS = 8.0
 #: All trials together cost at most so many times what the window was made for.
 OVERRUN = 4.0
 #: A motion whose best estimate is above this is not short of digits but unstable.
@@ -321,8 +324,9 @@ def _seconds_per_evaluation(experiment: Experiment) -> float:
 
 
 def _least_window(experiment: Experiment) -> float:
-    """Return until when every signal has changed a few times [s]."""
-    longest = 0.0
+    """Return until when every signal has changed a few times, and the fastest mode more [s]."""
+    omega = step_limit(representative(experiment)[0]).omega
+    longest = 2.0 * math.pi * PERIODS / omega if omega > 0.0 else 0.0
     for name in dict.fromkeys(actuator.signal for actuator in experiment.actuators):
         signal = experiment.signals[name]
         moved = np.flatnonzero((signal.values != signal.values[0]).any(axis=1))

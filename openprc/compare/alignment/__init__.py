@@ -1,0 +1,1 @@
+"""Bringing two files to common nodes, instants, units and axes."""

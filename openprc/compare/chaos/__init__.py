@@ -1,0 +1,1 @@
+"""Telling chaos from a difference of models: perturbed twins, and how runs part."""

@@ -1,0 +1,1 @@
+"""What is summed while two aligned files go by: distances, spectra, energies."""

@@ -1,0 +1,1 @@
+"""One experiment on several producers: what is asked for, run and known."""
