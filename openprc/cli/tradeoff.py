@@ -149,12 +149,26 @@ def _show(study: Study, advice: Recommendation | None, written: list[Path]) -> N
     out.print(f"reference: {study.reference.sentence()}", markup=False)
     for note in study.reference.notes:
         out.print(f"note: {note}", markup=False)
-    figures = list(study.reference_scores)
     front = {id(point) for point in study.front}
-    rows = [_row(point, id(point) in front, figures) for point in study.points]
-    columns = ["", "group", "setting", "error", "CPU ms", "evaluations", "bytes",
-               *(f"error of {name}" for name in figures), "note"]  # fmt: skip
+    measured = [p for p in study.points if p.trajectory_error is not None or p.status != "ok"]
+    measured.sort(key=lambda p: _order(p.group))
+    rows = [_row(point, id(point) in front) for point in measured]
+    columns = ["", "group", "setting", "error", "CPU ms", "evaluations", "bytes", "note"]
     out.print(table(columns, rows, title="settings; * on the Pareto front of error and CPU time"))
+    scored = sorted((p for p in study.points if p.score_errors), key=lambda p: _order(p.group))
+    figures = list(dict.fromkeys(name for point in scored for name in point.score_errors))
+    if scored:
+        out.print(
+            table(
+                ["group", "setting", "CPU ms", "bytes", *figures],
+                [
+                    [p.group, describe(p), _milliseconds(p), p.file_size,
+                     *(p.score_errors.get(name) for name in figures)]
+                    for p in scored
+                ],
+                title="errors of task scores",
+            )
+        )  # fmt: skip
     for line in study.left_out:
         out.print(f"left out: {line}", markup=False)
     if advice is not None:
@@ -163,26 +177,48 @@ def _show(study: Study, advice: Recommendation | None, written: list[Path]) -> N
         out.print(f"written: {path}", markup=False)
 
 
-def _row(point: Point, on_front: bool, figures: list[str]) -> list[Any]:
+def _row(point: Point, on_front: bool) -> list[Any]:
     note = point.note if point.status == "ok" else f"{point.status}: {point.note}"
     return [
         "*" if on_front else "",
         point.group,
         describe(point),
         point.trajectory_error,
-        None if point.cpu_seconds is None else 1e3 * point.cpu_seconds,
+        _milliseconds(point),
         point.evaluations,
         point.file_size,
-        *(point.score_errors.get(name) for name in figures),
         note,
     ]
 
 
+def _milliseconds(point: Point) -> float | None:
+    return None if point.cpu_seconds is None else 1e3 * point.cpu_seconds
+
+
+def _order(group: str) -> int:
+    from openprc.tradeoff.settings import GROUPS  # noqa: PLC0415 - not for --help
+
+    return GROUPS.index(group)
+
+
+#: What of a setting its label does not say, in the words of the table.
+_WORDS = {
+    "steps_per_frame": "{} steps a frame",
+    "tolerance": "tolerance {}",
+    "constraint_tolerance": "to {}",
+    "regularization": "penalty {}",
+    "rows": "{} rows",
+}
+
+
 def describe(point: Point) -> str:
     """Return a setting in words."""
-    told = {"integrator", "step_check", "producer", "backend", "precision", "model", "storage"}
-    rest = [f"{k}={_number(v)}" for k, v in point.setting.items() if k not in told]
-    return " ".join([point.label, *rest])
+    said = [
+        words.format(_number(point.setting[key]))
+        for key, words in _WORDS.items()
+        if point.setting.get(key) is not None
+    ]
+    return ", ".join([point.label, *said])
 
 
 def _number(value: Any) -> str:

@@ -80,6 +80,7 @@ def test_without_an_accuracy_nothing_is_chosen():
 def test_contact_is_estimated_and_not_promised():
     ball = asked(
         1e-2,
+        integrator="rk4",  # every other one would be compiled with contact
         geometry=Geometry(
             positions=[[0, 0, 0.3], [-1, -1, 0], [1, -1, 0], [0, 1, 0]], masses=[0.1, 1, 1, 1],
             fixed=[0, 1, 1, 1], collidable=[1, 0, 0, 0], faces=[[1, 2, 3]],
@@ -88,7 +89,6 @@ def test_contact_is_estimated_and_not_promised():
         collision=Collision(enabled=True, radius=0.05, restitution=0.8, faces=True),
     )  # fmt: skip
     choice = choose_for_accuracy(ball)
-    assert choice.integrator in ("rk4", "verlet", "pefrl")
     assert not choice.promised
     assert "contact" in choice.remarks[0]
 
@@ -174,7 +174,7 @@ def test_a_run_notes_the_choice_and_keeps_what_was_asked(folder):
     text = "\n".join(result.notes)
     assert "accuracy 0.0001" in text
     assert "verified: the error of the run is about" in text
-    with Trajectory.open(result.path) as trajectory:
+    with Trajectory(result.path) as trajectory:
         assert "estimated error" in "\n".join(trajectory.notes)
 
 

@@ -208,6 +208,7 @@ def test_names_are_checked():
         run_study(SCENE, choices(metric="ipc"))
 
 
+@pytest.mark.slow
 def test_a_device_that_is_not_there_is_a_refused_point(monkeypatch):
     from openprc.demlat.backends import devices
 

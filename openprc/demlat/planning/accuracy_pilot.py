@@ -187,7 +187,9 @@ class Pilot:
         evaluations = model.effort.get("evaluations", 0)
         if not frames:
             return np.zeros((0, 0, 0)), evaluations
-        return np.concatenate(frames), evaluations
+        positions = np.concatenate(frames)
+        # A flat scene has two coordinates, but in single precision it has three.
+        return np.pad(positions, ((0, 0), (0, 0), (0, 3 - positions.shape[2]))), evaluations
 
 
 def error_curve(positions: Reals, truth: Reals) -> Reals:
