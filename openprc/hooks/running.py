@@ -179,7 +179,8 @@ def settle(
         When the producer cannot choose and there is no step, or it cannot estimate errors.
     """
     if isinstance(runner, Settler):
-        return runner.settled(experiment, verify=verify)
+        chosen: Experiment = runner.settled(experiment, verify=verify)
+        return chosen
     if verify:
         raise UnsupportedScene(
             f"the producer {producer!r} does not estimate the error of a run",

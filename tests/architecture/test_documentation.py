@@ -14,6 +14,7 @@ import pytest
 
 from openprc.cli.main import COMMANDS, cli
 from openprc.hooks import Registry
+from openprc.scenes.catalog import SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("README.md"), *ROOT.glob("docs/**/*.md")])
@@ -106,6 +107,7 @@ def known():
                 exporters += getattr(module, "openprc_exporters", list)()
         options = {option.name for spec in specs + exporters for option in spec.options}
         options |= {option.name for spec in specs for option in spec.run_options}
+        options |= {option.name for scene in SCENES.values() for option in scene.options}
         yield options, {spec.name for spec in specs}
 
 

@@ -48,7 +48,9 @@ def folder(tmp_path):
 # --- out of reach -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("accuracy", "changes"), [(1e-15, {}), (1e-9, {"precision": "float32"})])
+@pytest.mark.parametrize(
+    ("accuracy", "changes"), [(1e-15, {}), (1e-9, {"precision": "float32", "integrator": "rk4"})]
+)
 def test_what_rounding_forbids_is_out_of_reach(accuracy, changes):
     with pytest.raises(ConfigError, match="out of reach") as caught:
         choose_for_accuracy(asked(accuracy, **changes))
@@ -175,7 +177,7 @@ def test_a_run_notes_the_choice_and_keeps_what_was_asked(folder):
     assert "accuracy 0.0001" in text
     assert "verified: the error of the run is about" in text
     with Trajectory(result.path) as trajectory:
-        assert "estimated error" in "\n".join(trajectory.notes)
+        assert trajectory.provenance["config"]["asked"] == {"accuracy": 1e-4}
 
 
 def test_the_command_line_asks_plans_and_shows(folder):

@@ -12,6 +12,7 @@ experiment gives the same choice and the same bits.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -25,7 +26,12 @@ from openprc.demlat.models.barhinge.support import supports
 from openprc.demlat.planning import run_cost
 from openprc.demlat.planning.accuracy_choice import AccuracyChoice
 from openprc.demlat.planning.accuracy_growth import Stability, judge_twin
-from openprc.demlat.planning.accuracy_pilot import Pilot, error_curve, make_window
+from openprc.demlat.planning.accuracy_pilot import (
+    Pilot,
+    error_curve,
+    make_window,
+    rms_displacement,
+)
 from openprc.demlat.planning.accuracy_schemes import (
     Eligible,
     eligible_schemes,
@@ -57,6 +63,8 @@ PERIODS = 8.0
 OVERRUN = 4.0
 #: A motion whose best estimate is above this is not short of digits but unstable.
 LOST = 1e-3
+#: A signal that has this many times the range of the pilot later on is remarked upon.
+STRONGER = 2.0
 
 
 _KNOWN: WeakKeyDictionary[Experiment, AccuracyChoice] = WeakKeyDictionary()
@@ -182,15 +190,23 @@ class _Chooser:
         )  # fmt: skip
         candidates = [search.follow(scheme) for scheme in self.schemes]
         reached = [one for one in candidates if one.verdict == "reached"]
+        if not reached:
+            # Better a long pilot than a wrong answer.
+            self.pilot.most = math.inf
+            for at, scheme in enumerate(self.schemes):
+                if candidates[at].verdict == "left":
+                    candidates[at] = search.follow(scheme)
+            reached = [one for one in candidates if one.verdict == "reached"]
         if reached:
             best = min(reached, key=lambda one: one.cost)
         else:
             best = min(candidates, key=lambda one: one.error)
         remarks = tuple(self._remarks(best, stability))
-        if best.error > self.accuracy and not remarks:
+        if best.error > self.accuracy and not (stability.unstable or can_touch(self.experiment)):
             if best.error < LOST or self.experiment.precision == "float32":
                 raise self._out_of_reach(best)
             remarks = (
+                *remarks,
                 f"the motion amplifies errors beyond what any step can follow: the least that the"
                 f" pilot found is {best.error:.1e} instead of {self.accuracy:g}, so that only its"
                 " statistics can be trusted",
@@ -230,7 +246,12 @@ class _Chooser:
         if trial.failed:
             return Stability()
         times = np.arange(self.window.n_frames, dtype=np.float64) * self.window.interval
-        return judge_twin(error_curve(trial.positions, truth.trial.positions), times)
+        frames = truth.trial.positions
+        # A motion that sets off takes its twin along: only what is more than that counts.
+        moved = np.sqrt(np.mean(np.sum((frames - frames[0]) ** 2, axis=2), axis=1))
+        share = np.maximum.accumulate(moved) / max(rms_displacement(frames), 1e-300)
+        distance = error_curve(trial.positions, frames)
+        return judge_twin(distance / np.clip(share, 1e-12, 1.0), times)
 
     def _remarks(self, best: Candidate, stability: Stability) -> list[str]:
         remarks = []
@@ -246,9 +267,24 @@ class _Chooser:
                 "contact: an impact that comes later, or not at all, changes the motion from there"
                 " on, so that the accuracy is estimated and not promised"
             )
+        remarks += self._later_signals()
         if best.verdict != "reached" and best.error > self.accuracy and remarks:
             remarks.append(f"the least error that the pilot found is {best.error:.1e}")
         return remarks
+
+    def _later_signals(self) -> Iterator[str]:
+        """Yield remarks on signals that do more after the pilot than during it."""
+        for name in dict.fromkeys(actuator.signal for actuator in self.experiment.actuators):
+            signal = self.experiment.signals[name]
+            here, whole = (
+                float(np.ptp(signal.values[: math.ceil(time / signal.dt) + 1], axis=0).max())
+                for time in (self.window.duration, self.experiment.duration)
+            )
+            if whole > STRONGER * here:
+                often = f"only 1/{whole / here:.2g} of its range" if here > 0.0 else "nothing"
+                yield (
+                    f"the pilot sees {often} of signal {name!r}: the error may be estimated too low"
+                )
 
     def _out_of_reach(self, best: Candidate) -> ConfigError:
         single = self.experiment.precision == "float32"

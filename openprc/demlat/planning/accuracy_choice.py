@@ -84,6 +84,8 @@ class AccuracyChoice:
         best = self.candidates[0].cost
         if other.verdict == "diverged":
             return f"{other.name} diverged"
+        if other.verdict == "left":
+            return f"{other.name} was left at {other.error:.1e}"
         if other.verdict == "stalled":
             return f"{other.name} got no nearer than {other.error:.1e}"
         least = "at least " if other.verdict == "dearer" else ""

@@ -170,6 +170,8 @@ def _likely(experiment: Experiment) -> list[str]:
     names = ["dop853", "rk45", "pefrl", "rk4", "verlet", "respa", "midpoint"]
     if accuracy < COARSE:
         names.remove("rk45")
+    if accuracy < IMPLICIT_ERROR:
+        names.remove("midpoint")
     return names
 
 

@@ -12,7 +12,11 @@ from openprc.demlat.planning.accuracy_growth import Stability, grown
 from openprc.demlat.planning.accuracy_pilot import Pilot, Trial, error_curve, rms_displacement
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from openprc.demlat.planning.accuracy_schemes import Eligible
+
+    Reals = NDArray[np.float64]
 
 #: The estimate that is aimed at, as a share of the accuracy: where the pilot is the whole run,
 #: and where it has to be extrapolated.
@@ -31,7 +35,7 @@ LOOSEST, TIGHTEST = 1e-2, 1e-14
 #: Trials of one scheme.
 MOST_TRIALS = 9
 
-Verdict = Literal["reached", "dearer", "stalled", "diverged"]
+Verdict = Literal["reached", "dearer", "stalled", "left", "diverged"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +45,8 @@ class Candidate:
     Attributes
     ----------
     name : str
-    verdict : {"reached", "dearer", "stalled", "diverged"}
+    verdict : {"reached", "dearer", "stalled", "left", "diverged"}
+        "left" where another trial would have cost more than a pilot may.
     n_steps : int
         In a frame; 0 of an adaptive scheme.
     tolerance : float
@@ -75,10 +80,16 @@ class Truth:
 
     def __init__(self, pilot: Pilot, scheme: Eligible, resolution: float) -> None:
         self.pilot, self.scheme = pilot, scheme
-        self.error_at = (1.0, 1.0)  # of this scheme: resolution, pilot error
+        # Of this scheme: resolution, pilot error. A tolerance is about the error that it gives.
+        self.error_at = (1.0, 1.0)
         self.trial = self._run(resolution)
         while self.trial.failed and self.can_refine:
             self.trial = self._run(self.trial.resolution * self._factor)
+        if not scheme.adaptive and not self.trial.failed:
+            coarse = pilot.fixed(scheme, self.trial.n_steps // FINER, exact=True)
+            if not coarse.failed:
+                difference = error_curve(coarse.positions, self.trial.positions)
+                self.learn(coarse, float(difference.max()))
 
     @property
     def _factor(self) -> float:
@@ -176,6 +187,7 @@ class Search:
             if tried and not self.pilot.affords(
                 self._cost_at(scheme, tried, resolution) / self.share
             ):
+                verdict = "left"
                 break
             trial = self._trial(scheme, resolution)
             tried.append((trial.resolution, self.error_of(scheme, trial), trial))
@@ -214,12 +226,18 @@ class Search:
             here = float(curve.max())
             if scheme.scheme.name == self.truth.scheme.scheme.name and here > 0.0:
                 self.truth.learn(trial, here)
-            if here >= CLEAR * self.truth.uncertainty() or not self.truth.can_refine:
-                break
+            doubt = self.truth.uncertainty() if here > 0.0 else 0.0
+            error = self._grown(scheme, curve)
+            # Whether it is a thousandth of what is aimed at, or less, does not matter.
+            enough = error + self._grown(scheme, np.full_like(curve, doubt)) < 0.1 * self.aim
+            if here >= CLEAR * doubt or enough or not self.truth.can_refine:
+                return max(error, doubt)
             self.truth.refine()
+
+    def _grown(self, scheme: Eligible, curve: Reals) -> float:
         rest = self.pilot.window.duration * (self.share - 1.0)
-        error = grown(curve, self.share, damped=scheme.damped, rate_time=self.stability.rate * rest)
-        return max(error, self.truth.uncertainty() if here > 0.0 else 0.0)
+        rate_time = self.stability.rate * rest
+        return grown(curve, self.share, damped=scheme.damped, rate_time=rate_time)
 
     # --- steps of the search --------------------------------------------------------------------
 
