@@ -96,12 +96,13 @@ def test_opposite_infinities_are_seen_as_well(scene):
 
 
 def test_energy_that_the_scheme_made_is_no_result(scene):
-    growing = np.exp(SWING)
-    with pytest.raises(
-        Diverged, match=r"'rk4' made 22.1 J of energy by t = 0.1 s, 0.96 of what moves"
-    ) as caught:
+    growing = np.exp(2.0 * SWING)
+    words = (
+        r"'rk4' made 534 J of energy by t = 0.1 s: from t = 0.08 s on there is a hundred times"
+        " what came in"
+    )
+    with pytest.raises(Diverged, match=words) as caught:
         remarks_of(scene, frames(energy=energies(growing, 0.0)))
-    assert "more than half of it from t = 0.03 s on" in caught.value.found
     assert caught.value.expected == "energy that only actuators and gravity bring in"
     assert "use a smaller dt than 0.001 s" in caught.value.fix
 
@@ -117,7 +118,7 @@ def test_energy_of_an_actuator_is_no_gap(scene):
     assert remarks_of(scene, block) == []
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.019, False), (0.05, True), (0.4, True)])
+@pytest.mark.parametrize(("share", "told"), [(0.019, False), (0.05, True), (0.9, True)])
 @pytest.mark.parametrize(("sign", "done"), [(1.0, "made"), (-1.0, "took")])
 def test_smaller_gaps_are_remarked_on(scene, share, told, sign, done):
     block = frames(energy=SOUND)
