@@ -16,6 +16,7 @@ from openprc.compare.runs.load_steps import counts_increments, time_increments
 from openprc.compare.runs.names import files_by_name, reference_first
 from openprc.compare.runs.probing import energy_over_time, probe_run
 from openprc.compare.runs.producers import ProducerRun, run_producers
+from openprc.compare.runs.requests import with_scene_options
 from openprc.errors import ConfigError, OpenPRCError
 from openprc.hooks.running import silent
 from openprc.schema.trajectory import Trajectory
@@ -119,7 +120,9 @@ def compare_producers(
     folder : path-like
         Gets the runs.
     scene : Scene, optional
-        Where the experiment comes from; brings the known motion, and numbers to probe.
+        Where the experiment comes from; brings the known motion, numbers to probe, and the
+        options that its record has for a producer (`SceneSpec.run_options`), below those of the
+        request itself.
     title : str
         What to call the experiment if there is no scene.
     choices : Choices, optional
@@ -138,6 +141,10 @@ def compare_producers(
     choices = choices or Choices()
     folder = Path(folder)
     _check_reference(choices.reference, requests, scene)
+    asked: tuple[str, ...] = ()
+    if scene is not None:
+        requests, added = with_scene_options(requests, scene.name)
+        asked = tuple(_asked_by_scene(name, more) for name, more in added.items())
     runs = run_producers(
         experiment, requests, folder, overwrite=overwrite,
         progress=_part(progress, 0.0, 0.6), registry=registry,
@@ -183,8 +190,13 @@ def compare_producers(
         scores=_scores(measured, scene, choices, progress=_part(progress, 0.85, 1.0)),
         energies=_energies(files),
         twins=twins,
-        notes=(*notes, *remarks),
+        notes=(*asked, *notes, *remarks),
     )
+
+
+def _asked_by_scene(name: str, options: Mapping[str, object]) -> str:
+    said = " ".join(f"{key}={value}" for key, value in options.items())
+    return f"{name} ran with {said}, which brings it closest to the scene; name others to change it"
 
 
 def _starts_from_known(scene: Scene, wanted: str | None) -> bool:

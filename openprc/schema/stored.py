@@ -37,6 +37,51 @@ class InputSignal:
     start: float
 
 
+@dataclass(frozen=True)
+class Series:
+    """A dataset with time along axis 0, found once and read in ranges.
+
+    Finding a dataset takes as long as reading a small block of it, so that whoever reads many
+    blocks holds on to it. `StoredData.series` makes one; it lasts as long as the file is open.
+
+    Parameters
+    ----------
+    file : Path
+    key : str
+        Path of the dataset in the file.
+    n_frames : int
+        Frames that are committed; later rows are never read.
+    """
+
+    file: Path
+    key: str
+    n_frames: int
+    _item: h5py.Dataset
+
+    def read(self, frames: Frames = ALL) -> NDArray[Any]:
+        """Return frames as they are stored, (T', ...).
+
+        Raises
+        ------
+        MissingData
+            When `frames` runs backwards.
+        UnreadableFile
+            When the file is damaged there.
+        """
+        start, stop, step = frames.indices(self.n_frames)
+        if step < 1:
+            raise MissingData(
+                f"a step of {step} frames",
+                expected="a step of 1 or more",
+                fix="reverse the array afterwards",
+                file=self.file,
+                key=self.key,
+            )
+        with damage_named(self.file, self.key):
+            data: NDArray[Any] = self._item[start:stop:step]
+        return data
+
+
 class StoredData:
     """The reading half of `Trajectory`: no meaning, only paths."""
 
@@ -62,15 +107,23 @@ class StoredData:
             )
         return item
 
-    def _series(self, path: str, frames: Frames) -> NDArray[Any]:
+    def series(self, path: str) -> Series:
+        """Return a dataset over time, named by its path in the file, to be read in ranges.
+
+        Raises
+        ------
+        MissingData
+            When it is not in the file.
+        SchemaError
+            When it has fewer rows than the file has frames.
+        """
         item = self._get(path)
-        start, stop, step = frames.indices(self.n_frames)
-        if step < 1:
-            raise self._missing(path, "a step of 1 or more", "reverse the array afterwards")
         if item.ndim == 0 or len(item) < self.n_frames:
             raise self._broken(path, f"shape {item.shape}", f"{self.n_frames} rows, one a frame")
-        data: NDArray[Any] = self._read(path, item, slice(start, stop, step))
-        return data
+        return Series(self.path, path, self.n_frames, item)
+
+    def _series(self, path: str, frames: Frames) -> NDArray[Any]:
+        return self.series(path).read(frames)
 
     def _static(self, path: str, unit: str | None) -> NDArray[Any]:
         item = self._get(path)

@@ -23,6 +23,8 @@ from openprc.schema.safety import open_hdf5
 from openprc.schema.stored import ALL, Frames, InputSignal
 from openprc.schema.version import check_version
 
+POSITIONS = "/time_series/nodes/positions"
+
 
 class Trajectory(Clock):
     """Open a trajectory for reading. Arrays are read when asked for; nothing is made up.
@@ -137,13 +139,35 @@ class Trajectory(Clock):
     @property
     def n_nodes(self) -> int:
         """Number of nodes; 0 when there are no positions."""
-        item = self._file.get("time_series/nodes/positions")
+        item = self._file.get(POSITIONS)
         return int(item.shape[1]) if isinstance(item, h5py.Dataset) else 0
 
     @property
     def position_unit(self) -> str:
         """Unit of the stored positions."""
-        return str(self._attr("/time_series/nodes/positions", "unit"))
+        return str(self._attr(POSITIONS, "unit"))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes of the positions, (D,); none where the file does not name them.
+
+        Raises
+        ------
+        MissingData
+            When there are no positions.
+        """
+        return self._strings(POSITIONS, "axes")
+
+    @property
+    def frame(self) -> str:
+        """Name of the frame of reference of the positions.
+
+        Raises
+        ------
+        MissingData
+            When there are no positions, or they do not say.
+        """
+        return str(self._attr(POSITIONS, "frame"))
 
     def positions(
         self, frames: Frames = ALL, nodes: Any = None, *, unit: str | None = None

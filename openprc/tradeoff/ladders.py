@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 #: Relative errors per step that schemes are asked for: half a decade each.
 TOLERANCES = tuple(float(f"{10.0 ** (-0.5 * i):.3g}") for i in range(4, 25))
 CONSTRAINT_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
+#: Seconds of a run that is repeated as seldom as can be.
+LONG = 1.0
 #: Steps begin at so many times the stability limit, where it is exceeded on purpose.
 OVERSTEP = 4
 #: A scheme that gives nothing with this share of its stability limit never will.
@@ -105,8 +107,11 @@ def integrator_ladder(
     scheme = INTEGRATORS[name]
     if scheme.step == "adaptive":
         least = 10.0 * float(np.finfo(common.get("precision", "float64")).eps)
-        rungs = ({**base, "tolerance": t} for t in TOLERANCES if t >= least)
-        return climb(bench, group, label, rungs, enough=enough, growth=10 ** (0.5 / scheme.order))
+        # Where runs are long, decades have to do.
+        long = bench.expected_seconds({**base, "tolerance": TOLERANCES[0]}) > LONG
+        rungs = ({**base, "tolerance": t} for t in TOLERANCES[:: 1 + long] if t >= least)
+        growth = 10 ** ((0.5 + 0.5 * long) / scheme.order)
+        return climb(bench, group, label, rungs, enough=enough, growth=growth)
     try:
         fewest, counts = steps_per_frame(bench, {**base, "step_check": "warn"})
     except OpenPRCError as problem:

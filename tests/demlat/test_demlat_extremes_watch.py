@@ -152,6 +152,11 @@ def test_rounding_is_no_gap(scene):
     assert remarks_of(scene, frames(energy=energies(0.0 * noise, 1e9 + noise))) == []
 
 
+def test_energies_of_a_body_at_rest_are_none(scene):
+    # A bar of 100 N/m that is 1e-12 of its length too long, and more from frame to frame.
+    assert remarks_of(scene, frames(energy=energies(0.0 * SWING, 5e-23 * np.exp(SWING)))) == []
+
+
 # --- hinges ----------------------------------------------------------------------------------
 
 

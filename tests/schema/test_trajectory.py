@@ -106,6 +106,50 @@ def test_slices_of_frames(trajectory, frames_of, frames):
     )
 
 
+def test_a_series_is_read_in_ranges(trajectory, frames_of):
+    known = frames_of()["positions"]
+    series = trajectory.series("/time_series/nodes/positions")
+    for frames in (slice(0, 5), slice(5, 12), slice(-2, None), slice(None, None, 5), slice(20, 30)):
+        np.testing.assert_array_equal(series.read(frames), known[frames])
+    np.testing.assert_array_equal(series.read(), known)
+    with pytest.raises(MissingData, match=r"a step of -1 frames.*a step of 1 or more"):
+        series.read(slice(None, None, -1))
+    with pytest.raises(MissingData, match="/time_series/nodes/accelerations"):
+        trajectory.series("/time_series/nodes/accelerations")
+
+
+def test_a_series_ends_with_the_committed_frames(complete):
+    with h5py.File(complete, "r+") as file:
+        file["committed"][...] = 7
+        file.attrs["status"] = "running"
+    with Trajectory(complete, allow_incomplete=True) as trajectory:
+        series = trajectory.series("/time_series/nodes/positions")
+        assert series.read().shape == (7, 4, 3)
+        assert series.read(slice(5, 12)).shape == (2, 4, 3)
+
+
+def test_a_series_that_is_too_short_is_refused(complete):
+    with h5py.File(complete, "r+") as file:
+        rows = file["time_series/nodes/velocities"]
+        attrs, short = dict(rows.attrs), rows[:5]
+        del file["time_series/nodes/velocities"]
+        file["time_series/nodes/velocities"] = short
+        file["time_series/nodes/velocities"].attrs.update(attrs)
+    with (
+        Trajectory(complete) as trajectory,
+        pytest.raises(SchemaError, match=r"shape \(5, 4, 3\).*12 rows, one a frame"),
+    ):
+        trajectory.series("/time_series/nodes/velocities")
+
+
+def test_axes_and_frame_of_reference(trajectory, bare):
+    assert (trajectory.axes, trajectory.frame) == (("x", "y", "z"), "world")
+    with pytest.raises(MissingData, match="/time_series/nodes/positions"):
+        assert bare.axes
+    with pytest.raises(MissingData, match="/time_series/nodes/positions"):
+        assert bare.frame
+
+
 def test_nodes_in_any_order(trajectory, frames_of):
     known = frames_of()["positions"]
     np.testing.assert_array_equal(trajectory.positions(nodes=[3, 0, 3]), known[:, [3, 0, 3]])

@@ -226,7 +226,7 @@ def _recorded(trajectory: Trajectory, words: tuple[str, ...]) -> Recorded:
 
 
 def _of_node(trajectory: Trajectory, name: str, axis: str) -> Recorded:
-    axes = trajectory._strings("/time_series/nodes/positions", "axes")
+    axes = trajectory.axes
     labels = node_names(trajectory)
     if name not in labels or axis not in axes:
         what = f"node {name!r}" if name not in labels else f"axis {axis!r}"

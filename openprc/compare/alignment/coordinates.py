@@ -92,12 +92,12 @@ def common_space(
     unit, factors = _common_unit(reference, other, settings)
     if isinstance(settings.scale, int | float):
         factors = (factors[0], factors[1] * float(settings.scale))
-    names = (_axes(reference), _axes(other))
+    names = (reference.axes, other.axes)
     columns = _common_columns(reference, other, names, settings.axes)
     notes = []
     if unit == "arb" and other.position_unit == "arb" and settings.scale is None:
         notes.append("both files are in arbitrary units, taken to be the same")
-    frames = tuple(_frame(trajectory) for trajectory in (reference, other))
+    frames = tuple(trajectory.frame for trajectory in (reference, other))
     if frames[0] != frames[1] and settings.rigid_motion == "none":
         notes.append(
             f"the frames of reference are called {frames[0]!r} and {frames[1]!r}: what lies"
@@ -149,14 +149,6 @@ def _speed_factor(trajectory: Trajectory, factor: float, second: float) -> float
     # What a unit of velocity holds in stored units of length per second; px/s and arb/s hold 1.
     ratio = 1.0 if math.isnan(speed.si_factor) else speed.si_factor / length.si_factor
     return ratio * factor * second
-
-
-def _axes(trajectory: Trajectory) -> tuple[str, ...]:
-    return trajectory._strings(POSITIONS, "axes")
-
-
-def _frame(trajectory: Trajectory) -> str:
-    return str(trajectory._attr(POSITIONS, "frame"))
 
 
 def _common_columns(

@@ -55,13 +55,8 @@ class FrameReader:
         self._columns = (
             None if coordinates.columns == tuple(range(dims)) else list(coordinates.columns)
         )
-        self._path = VELOCITIES if velocities else POSITIONS
         # Held open: finding it again for every block takes as long as reading the block.
-        self._data = trajectory._get(self._path)
-        if len(self._data) < trajectory.n_frames:
-            raise trajectory._broken(
-                self._path, f"shape {self._data.shape}", f"{trajectory.n_frames} rows, one a frame"
-            )
+        self._series = trajectory.series(VELOCITIES if velocities else POSITIONS)
         factor = coordinates.speed_factor if velocities else coordinates.factor
         self._factor = 1.0 if factor is None else factor
         self._masked = trajectory.has(OBSERVED) and not filled
@@ -99,8 +94,7 @@ class FrameReader:
         return np.stack([self.single(int(frame)) for frame in frames])
 
     def _read(self, start: int, stop: int) -> Reals:
-        read = self.trajectory._read(self._path, self._data, slice(start, stop))
-        rows = read.astype("f8", copy=False)
+        rows = self._series.read(slice(start, stop)).astype("f8", copy=False)
         if self._masked:
             dropped = self.trajectory.observed(slice(start, stop)) == FILLED
             if dropped.any():

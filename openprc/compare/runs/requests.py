@@ -126,6 +126,40 @@ def read_requests(
     return tuple(requests)
 
 
+def with_scene_options(
+    requests: Iterable[Request], scene_name: str
+) -> tuple[tuple[Request, ...], dict[str, dict[str, Any]]]:
+    """Give requests the options with which their producers come closest to a scene.
+
+    What a request says itself stands. A scene that is not in the library asks for nothing.
+
+    Parameters
+    ----------
+    requests : iterable of Request
+    scene_name : str
+
+    Returns
+    -------
+    requests : tuple of Request
+    added : mapping of str to mapping
+        Name of a request to the options that it did not name itself.
+    """
+    from openprc.scenes.catalog import SCENES  # noqa: PLC0415 - only for scenes
+
+    wanted = SCENES[scene_name].run_options if scene_name in SCENES else {}
+    told, added = [], {}
+    for request in requests:
+        more = {
+            key: value
+            for key, value in wanted.get(request.producer, {}).items()
+            if key not in request.options
+        }
+        if more:
+            added[request.name] = more
+        told.append(replace(request, options={**more, **request.options}))
+    return tuple(told), added
+
+
 def _one(text: str, registry: Registry, *, key: str) -> Request:
     producer, *settings = (part.strip() for part in text.split(":"))
     if not producer or not all(settings):
@@ -201,4 +235,4 @@ def _unknown(name: str, item: Registered, *, text: str, key: str) -> ConfigError
     )
 
 
-__all__ = ["SETTINGS", "Request", "read_requests"]
+__all__ = ["SETTINGS", "Request", "read_requests", "with_scene_options"]

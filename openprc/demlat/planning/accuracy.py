@@ -61,6 +61,8 @@ SYMBOLS = 3
 PERIODS = 8.0
 #: All trials together cost at most so many times what the window was made for.
 OVERRUN = 4.0
+#: ... or, where nothing got there, this many times more.
+LONGER = 25.0
 #: A motion whose best estimate is above this is not short of digits but unstable.
 LOST = 1e-3
 #: A signal that has this many times the range of the pilot later on is remarked upon.
@@ -190,9 +192,9 @@ class _Chooser:
         )  # fmt: skip
         candidates = [search.follow(scheme) for scheme in self.schemes]
         reached = [one for one in candidates if one.verdict == "reached"]
-        if not reached:
+        if not reached and search.aim > truth.rounding:
             # Better a long pilot than a wrong answer.
-            self.pilot.most = math.inf
+            self.pilot.most *= LONGER
             for at, scheme in enumerate(self.schemes):
                 if candidates[at].verdict == "left":
                     candidates[at] = search.follow(scheme)

@@ -82,6 +82,7 @@ class Truth:
         self.pilot, self.scheme = pilot, scheme
         # Of this scheme: resolution, pilot error. A tolerance is about the error that it gives.
         self.error_at = (1.0, 1.0)
+        self._exhausted = False
         self.trial = self._run(resolution)
         while self.trial.failed and self.can_refine:
             self.trial = self._run(self.trial.resolution * self._factor)
@@ -99,7 +100,7 @@ class Truth:
     def can_refine(self) -> bool:
         """Whether a more exact one is within reach."""
         dearer = TIGHTER ** (-1.0 / self.scheme.scheme.order) if self.scheme.adaptive else FINER
-        if not self.pilot.affords(self.trial.cost * dearer):
+        if self._exhausted or not self.pilot.affords(self.trial.cost * dearer):
             return False
         if self.scheme.adaptive:
             return self.trial.tolerance > 1.5 * TIGHTEST
@@ -115,7 +116,9 @@ class Truth:
     def refine(self) -> None:
         """Take a more exact one."""
         better = self._run(self.trial.resolution * self._factor)
-        if not better.failed:
+        if better.failed:
+            self._exhausted = True
+        else:
             self.trial = better
 
     @property
@@ -257,7 +260,7 @@ class Search:
         if scheme.scheme.name != truth.scheme.scheme.name:
             return 0.0
         looser = (1.0 / self.loosest / truth.trial.resolution) ** (1.0 / scheme.scheme.order)
-        return truth.trial.cost * self.share * looser
+        return float(truth.trial.cost * self.share * looser)
 
     def _finest(self, scheme: Eligible) -> float:
         """Return the smallest tolerance that can be judged."""

@@ -30,6 +30,8 @@ COARSE = 1e-3
 ALONG = 0.9
 #: Share of a body's extent that nobody would miss: a fall through it is no energy to speak of.
 NEGLIGIBLE = 1e-6
+#: Strain of bars that is rounding: what its energy does is none.
+TINY_STRAIN = 1e-9
 #: Share of its rest length below which a bar has no direction worth the name.
 SHRUNK = 1e-3
 
@@ -68,6 +70,9 @@ class RunWatch:
         self._extent = float(np.ptp(geometry.positions, axis=0).max())
         weight = float(geometry.masses.sum() * np.linalg.norm(experiment.gravity))
         self._negligible = NEGLIGIBLE * weight * self._extent
+        if len(bars := geometry.bars):
+            rounding = TINY_STRAIN * float(bars.rest_length.mean())
+            self._negligible += 0.5 * float(bars.stiffness.mean()) * rounding**2
         self._start = 0.0
         self._start_loss = 0.0
         self._worst = {"gap": (0.0, 0.0), "made": (0.0, 0.0)}
