@@ -56,7 +56,8 @@ def mass_ratios() -> Iterator[Extreme]:
         line = Line([100.0, 100.0], [10.0**decade, 1.0], [1.0, 1.0])
         yield line_row("mass ratio", f"1e{decade}", line, quick=decade in (-6, 0, 6))
     line = Line([100.0, 100.0], [1e-12, 1.0], [1.0, 1.0])
-    yield line_row("nearly massless node", "1e-12 kg", line, quick=False, periods=0.1)
+    # In single precision rounding drives the light node, and steps that are chosen get very short.
+    yield line_row("nearly massless node", "1e-12 kg", line, quick=False, periods=0.003)
 
 
 def lengths() -> Iterator[Extreme]:

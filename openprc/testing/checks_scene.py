@@ -1,4 +1,4 @@
-"""RUN, on small scenes: what supports() lets pass takes effect, and what it refuses is not run."""
+"""RUN, on small scenes: what supports() and models() say of them is so, and can be read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import OpenPRCError
+from openprc.hooks.protocols import Describer, Modelled
 from openprc.hooks.running import silent
 from openprc.schema.experiment import Actuator, ActuatorType, Collision, Experiment, Signal
 from openprc.schema.geometry import Geometry
@@ -179,6 +180,35 @@ def what_is_refused_is_not_run(case: RunnerCase, folder: Path) -> None:
             expected="UnsupportedScene",
             fix="call refuse_unsupported(self.supports(experiment), producer=...) first",
         )
+
+
+@check("RUN-9", "models() says in clauses what is left out and added", "runner")
+def what_is_left_out_is_told(case: RunnerCase, folder: Path) -> None:
+    """Ask of every small scene, those that are refused included."""
+    del folder
+    runner = runner_of(case)
+    if not isinstance(runner, Describer):
+        raise NotApplicable("the runner has no models()")
+    for what, (present, _) in probes(case).items():
+        told = runner.models(prepared(case, present))
+        if not isinstance(told, Modelled):
+            fail(
+                f"of a scene with {what}, models() returns {type(told).__name__}",
+                expected="openprc.hooks.protocols.Modelled",
+                fix="return Modelled(leaves_out=(...), adds=(...))",
+            )
+        for field, clauses in (("leaves_out", told.leaves_out), ("adds", told.adds)):
+            # A text alone would be taken for as many clauses as it has letters.
+            if not isinstance(clauses, tuple) or not all(_is_clause(text) for text in clauses):
+                fail(
+                    f"of a scene with {what}, models() says {field}={clauses!r}",
+                    expected="a tuple of clauses, none empty and none with a full stop at its end",
+                    fix=f'write {field}=("what it is: why",)',
+                )
+
+
+def _is_clause(text: Any) -> bool:
+    return isinstance(text, str) and bool(text.strip()) and not text.rstrip().endswith(".")
 
 
 __all__ = ["probes"]

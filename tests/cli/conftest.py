@@ -2,41 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import called
 from experiments import write_spring
 
-from openprc.cli.main import main
 from openprc.hooks import ProducerSpec, default_registry, discovery, hookimpl
 from openprc.schema import Provenance, TrajectoryWriter
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-@dataclass
-class Outcome:
-    """What a call of the command line did."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def text(self):
-        """All that was printed, on one line."""
-        return " ".join((self.out + self.err).split())
-
-    @property
-    def data(self):
-        """What was printed as JSON."""
-        return json.loads(self.out)
 
 
 @pytest.fixture(autouse=True)
@@ -58,13 +37,7 @@ def openprc(capsys):
     """Return a function that calls the command line with words."""
 
     def call(*words):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        outcome = Outcome(stop.value.code, printed.out, printed.err)
-        assert "Traceback" not in outcome.text
-        return outcome
+        return called(capsys, *words)
 
     return call
 

@@ -8,12 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from openprc.analysis.tasks.narma import NarmaTask
+from openprc.analysis.tasks.volterra import VolterraTask
 from openprc.compare.runs.load_steps import counts_increments, time_increments
 from openprc.compare.runs.producers import run_producers
 from openprc.compare.runs.requests import read_requests
+from openprc.compare.task_scores import state_nmse
 from openprc.errors import ConfigError
+from openprc.reservoir import Ridge
+from openprc.reservoir.training.row_split import RowSplit
 from openprc.scenes.cantilever import AREA, LENGTH, MODULUS
 from openprc.scenes.catalog import build_scene
+from openprc.scenes.hauser_network import network_input
 from openprc.schema.experiment import Actuator, Experiment, Signal
 from openprc.schema.geometry import Bars, Geometry
 from openprc.schema.trajectory import Trajectory
@@ -69,6 +75,35 @@ def test_a_chain_in_bullet_swings_alike(tmp_path):
     options = {"n": 2, "stiffness": 1e4, "periods": 2}
     known, found = first_probe("hanging-chain", options, "pybullet", tmp_path)
     assert found["pybullet"] == pytest.approx(known, rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("drive", "order"), [("volterra", None), ("narma", 10)])
+def test_networks_compute_alike(drive, order, tmp_path):
+    pytest.importorskip("pybullet", reason="PyBullet is not installed")
+    steps = 3000
+    scene = build_scene("hauser-network", {"drive": drive, "n_steps": steps})
+    requests = read_requests("demlat:verlet:dt=1.25e-4,pybullet:dt=1.25e-4")
+    places, states = [], []
+    for run in run_producers(scene.experiment, requests, tmp_path, warm_up=False):
+        assert run.status == "ok", run.reason
+        with Trajectory(run.path) as trajectory:
+            places.append(trajectory.positions())
+            ends = trajectory.indices("bars")
+        between = places[-1][:, ends[:, 1]] - places[-1][:, ends[:, 0]]
+        states.append(np.linalg.norm(between, axis=2)[:steps])
+    # Both take the same steps; what they differ by is rounding.
+    assert np.linalg.norm(places[0] - places[0][0], axis=2).max() > 1e-4
+    assert np.linalg.norm(places[1] - places[0], axis=2).max() < 1e-12
+    task = VolterraTask() if order is None else NarmaTask(order, any_range=True)
+    u = network_input(steps, amplitude=0.1)
+    split = RowSplit(600, 1800, 600)
+    for penalty in (1e-10, 1e-8):
+        readout = Ridge(penalty, alpha_scaling="n")
+        ours, bullet = (
+            state_nmse(one, u, task=task, split=split, readout=readout) for one in states
+        )
+        assert bullet == pytest.approx(ours, rel=1e-4)
 
 
 def test_equilibria_are_put_in_time(tmp_path):

@@ -1,11 +1,10 @@
 """Scenes that are run, and the command line in this process."""
 
-import json
-from dataclasses import dataclass
+import warnings
 
 import pytest
+from command_line import called
 
-from openprc.cli.main import main
 from openprc.hooks.running import run_experiment
 from openprc.scenes.catalog import build_scene, write_scene
 
@@ -25,35 +24,13 @@ def run_scene(tmp_path):
     return run
 
 
-@dataclass
-class Said:
-    """What a call of the command line did."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def text(self):
-        """All that was printed, on one line."""
-        return " ".join((self.out + self.err).split())
-
-    @property
-    def data(self):
-        """What was printed as JSON."""
-        return json.loads(self.out)
-
-
 @pytest.fixture
 def call(capsys, monkeypatch, tmp_path):
     """Return a function that calls the command line with words, in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("warnings.showwarning", __import__("warnings").showwarning)
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
 
     def said(*words):
-        with pytest.raises(SystemExit) as stop:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return Said(stop.value.code, printed.out, printed.err)
+        return called(capsys, *words)
 
     return said

@@ -70,6 +70,8 @@ RUNNERS = {
     "Printing": ("a log is written and printed", "RUN-6"),
     "Dragless": ("the drag of nodes is passed over", "RUN-7 PHYS-4 PIPE-2"),
     "Ruthless": ("run() runs what supports() refuses", "RUN-8"),
+    "Lettered": ("models() gives a text in place of a tuple of texts", "RUN-9"),
+    "Untyped": ("models() returns a list", "RUN-9"),
     "Weaker": ("gravity is 9.5 m/s2", "PHYS-1 PHYS-5"),
     "Stiffer": ("bars are 5 % too stiff", "PHYS-2 PHYS-3 PHYS-9 PHYS-10 PHYS-13"),
     "Undamped": ("dashpots are passed over", "PHYS-3 RUN-7"),

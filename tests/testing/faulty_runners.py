@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from verlet_code import VerletRunner
 
+from openprc.hooks.protocols import Modelled
 from openprc.schema.dihedral import dihedral_angles
 
 
@@ -82,6 +83,16 @@ class Ruthless(VerletRunner):
     def run(self, experiment, writer, *, seed, progress):
         self.supports = lambda experiment: []
         super().run(experiment, writer, seed=seed, progress=progress)
+
+
+class Lettered(VerletRunner):
+    def models(self, experiment):
+        return Modelled(leaves_out="cables")
+
+
+class Untyped(VerletRunner):
+    def models(self, experiment):
+        return ["cables"]
 
 
 class Weaker(VerletRunner):

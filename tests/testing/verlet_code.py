@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from openprc.hooks.protocols import Modelled
 from openprc.hooks.running import refuse_unsupported
 from openprc.schema import Finding
 from openprc.schema.bend_angle import bend_angles
@@ -29,6 +30,10 @@ class VerletRunner:
             for what, there in wrong.items()
             if there
         ]
+
+    def models(self, experiment):
+        cables = bool((experiment.geometry.bars.law == "cable").any())
+        return Modelled(leaves_out=("cables: a law that is refused",) if cables else ())
 
     def run(self, experiment, writer, *, seed, progress):
         refuse_unsupported(self.supports(experiment), producer="verlet")

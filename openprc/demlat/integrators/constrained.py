@@ -7,6 +7,7 @@ at the state's positions and velocities that keep the constraints; see
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from openprc.demlat.compiled.jit import chosen_by_type
@@ -37,8 +38,11 @@ def unsatisfied(experiment: Experiment, assembly: Assembly, time: float) -> Dive
         name, unit = f"the stop of hinge {hinge}", "rad"
     if name.startswith("hinge"):
         unit = "rad"
+    left = (
+        f"{residual:.3g} {unit} is left" if math.isfinite(residual) else "no number is left of it"
+    )
     return Diverged(
-        f"{name} could not be kept rigid by t = {time:.6g} s: {residual:.3g} {unit} is left",
+        f"{name} could not be kept rigid by t = {time:.6g} s: {left}",
         expected=f"at most {rigid.tolerance:.3g}, relative to lengths or in rad",
         fix=f"use a smaller dt: it is {experiment.dt:g} s; where elements lock each other, or are"
         " pulled apart by driven nodes, make one of them elastic",

@@ -26,6 +26,8 @@ MADE = 0.99
 QUIET = 1e-3
 #: Share of the length of a step's motion from which on the rounding of coordinates is told.
 COARSE = 1e-3
+#: Displacement [mean bar] that is rounding: whoever rests is not short of digits.
+AT_REST = 1e-12
 #: Cosine between a bar and the velocity of its ends above which they move along it.
 ALONG = 0.9
 #: Share of a body's extent that nobody would miss: a fall through it is no energy to speak of.
@@ -305,7 +307,7 @@ class RunWatch:
         size = float(bars.mean()) if len(bars) else 0.0
         # What goes round and comes back to where it was at every frame is not quiet.
         slow = self._fast * experiment.save_interval < size
-        if adaptive and slow and 0.0 < self._moved < QUIET * size:
+        if adaptive and slow and AT_REST * size < self._moved < QUIET * size:
             tolerance = experiment.tolerance or 1e-6
             share = tolerance * QUIET * size / self._moved
             if share > tolerance:
