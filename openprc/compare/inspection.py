@@ -123,8 +123,10 @@ def inspect_experiment(
     notes = list(experiment.notes)
     # Every part says what it can; a contradiction met by one must not hide the others.
     known = experiment.integrator in INTEGRATORS
-    if not known:
-        notes.append(_unknown(experiment))
+    # For an accuracy the plan chooses integrator and step.
+    planned = known or experiment.accuracy is not None
+    if not planned:
+        notes.append(f"the engine has no integrator {experiment.integrator!r}, so there is no plan")
     producers = producer_verdicts(experiment, registry=registry)
     engine = [
         finding for item in producers if item.producer == "demlat" for finding in item.findings
@@ -137,20 +139,11 @@ def inspect_experiment(
         producers=producers,
         terms=() if blocked or not known else _said(engine_terms, experiment, notes, "terms") or (),
         steps=_said(scheme_steps, experiment, notes, "steps") or (),
-        plan=_said(make_plan, experiment, notes, "plan") if known else None,
+        plan=_said(make_plan, experiment, notes, "plan") if planned else None,
         motions=motions,
         findings=(*scene_findings(experiment), *motion_findings(motions)),
         notes=tuple(dict.fromkeys(notes)),
     )
-
-
-def _unknown(experiment: Experiment) -> str:
-    if experiment.accuracy is not None:
-        return (
-            f"the engine chooses integrator and step for the accuracy {experiment.accuracy:g}"
-            " when a run begins; say --integrator NAME to plan with one"
-        )
-    return f"the engine has no integrator {experiment.integrator!r}, so there is no plan"
 
 
 def _said(

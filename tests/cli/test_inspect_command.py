@@ -87,6 +87,15 @@ def test_another_integrator_is_judged(openprc, square):
     assert data["plan"]["integrator"] == "verlet"
 
 
+def test_an_accuracy_instead_of_a_step_is_planned(openprc, square):
+    folder = square(accuracy=1e-3, integrator="auto", dt_stated=False, dt=0.1,
+                    gravity=(0.5, 0.0, 0.0), damping=0.1)  # fmt: skip
+    told = json.loads(openprc("inspect", folder, "--json").out)
+    assert told["plan"]["accuracy"]["accuracy"] == 1e-3
+    assert told["plan"]["integrator"] in {line["integrator"] for line in told["steps"]}
+    assert {line["verdict"] for line in told["steps"]} == {None}
+
+
 def test_rigid_scenes_are_for_schemes_with_constraints(openprc, square):
     folder = square(bars={"rigid": [True] * 3}, integrator="rattle")
     data = openprc("inspect", folder, "--json").data

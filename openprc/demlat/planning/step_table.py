@@ -31,8 +31,8 @@ class SchemeStep:
     recommended : float or None [s]
         Largest step that is recommended and divides the time between frames; None where the
         scheme chooses its steps.
-    verdict : {"fine", "dissipative", "marginal", "unstable"}
-        Of the step that the scene has now.
+    verdict : {"fine", "dissipative", "marginal", "unstable"} or None
+        Of the step that the scene has now; None where an accuracy stands in its place.
     cost : RunCost
         Of a run with the recommended step.
     use : str
@@ -44,7 +44,7 @@ class SchemeStep:
     limit: float | None
     set_by: str | None
     recommended: float | None
-    verdict: Verdict
+    verdict: Verdict | None
     cost: RunCost
     use: str
 
@@ -95,7 +95,7 @@ def _line(experiment: Experiment, scheme: Integrator, limit: StepLimit) -> Schem
         limit=limit.limit if math.isfinite(limit.limit) else None,
         set_by=None if limit.culprit is None else limit.culprit.text,
         recommended=dt,
-        verdict=limit.verdict(experiment.dt),
+        verdict=limit.verdict(experiment.dt) if experiment.dt_stated else None,
         cost=run_cost(stepped, limit),
         use=scheme.use,
     )
