@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from openprc.cli.console import force_option, json_option, print_json, progress_bar
-from openprc.cli.options import FINITE, parse_pairs
+from openprc.cli.options import FINITE, parse_pairs, refuse_file
 from openprc.schema.units import conversion_factor
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def _alignment_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--time-shift", type=FINITE, metavar="SECONDS", help="Added to the other."),
         click.option("--start", type=FINITE, help="Of the part of the clock that is compared."),
         click.option("--stop", type=FINITE, help="Its end."),
+        click.option("--segment", type=click.IntRange(min=8), help="Samples in one of a spectrum."),
     )  # fmt: skip
     for option in reversed(options):
         function = option(function)
@@ -88,6 +89,8 @@ def command(
     _check_call(files, scene_name, experiment, producers, options)
     factor = conversion_factor("m", unit)
     kept = out if out is None else out.resolve()
+    if kept is not None:
+        refuse_file(kept)
     if kept is not None and not force:
         _refuse_results(kept, runs=not files)
     if files:
@@ -155,6 +158,7 @@ def _choices(options: dict[str, Any]) -> Choices:
         name: options[name]
         for name in (
             "match", "clock", "interpolant", "rigid_motion", "time_shift", "start", "stop",
+            "segment",
         )
         if options[name] is not None
     }  # fmt: skip

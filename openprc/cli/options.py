@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+
+from openprc.errors import ConfigError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -61,3 +64,22 @@ def parse_pairs(pairs: tuple[str, ...]) -> dict[str, Any]:
         else:
             found[key] = value
     return found
+
+
+def refuse_file(folder: Path) -> None:
+    """Refuse a file where a folder is to be made.
+
+    Raises
+    ------
+    ConfigError
+    """
+    for place in (folder, *folder.parents):
+        if place.exists():
+            if place.is_dir():
+                return
+            raise ConfigError(
+                f"{place} is a file",
+                expected="a folder, or a name that is free",
+                fix="give another --out",
+                key="--out",
+            )

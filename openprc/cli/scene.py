@@ -10,7 +10,7 @@ import click
 
 from openprc.cli.blame import reading
 from openprc.cli.console import console, force_option, json_option, print_json, table
-from openprc.cli.options import pairs_option, parse_pairs
+from openprc.cli.options import pairs_option, parse_pairs, refuse_file
 from openprc.errors import ResultExists
 from openprc.scenes.catalog import build_scene, find_scene, scene_options, write_scene
 
@@ -56,6 +56,7 @@ def command(
         ctx.exit(_check(scene, run, as_json=as_json))
     files: tuple[Path, ...] = ()
     if out is not None:
+        refuse_file(out)
         _refuse_existing(out, force=force)
         files = write_scene(scene, out)
     described = _described(scene, values)

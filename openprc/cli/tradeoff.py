@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from openprc.cli.console import console, json_option, print_json, progress_bar, table
-from openprc.cli.options import FiniteFloat
+from openprc.cli.options import FiniteFloat, refuse_file
 
 if TYPE_CHECKING:
     from openprc.scenes.scene import Scene
@@ -67,7 +67,7 @@ _POSITIVE = _Positive()
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=click.Path(path_type=Path),
     help="Folder for points, picture and config; the same command goes on in it.",
 )
 @json_option
@@ -96,6 +96,8 @@ def command(
     from openprc.tradeoff.study_files import save_study  # noqa: PLC0415
     from openprc.tradeoff.subject import find_subject  # noqa: PLC0415
 
+    if out is not None:
+        refuse_file(out)
     choices = Choices(
         groups=GROUPS if groups == "all" else _names(groups),
         integrators=None if integrators is None else _names(integrators),

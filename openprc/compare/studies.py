@@ -91,7 +91,8 @@ def compare_runs(
         divergences={
             name: judge_difference(pair.times, pair.rms_over_time, scale=scale)
             for name, pair in zip(others, comparison.pairs, strict=True)
-            if scale is not None
+            # Of nodes that stay where they are nothing can be said to agree.
+            if scale is not None and pair.errors.displacement > 0.0
         },
         scores=scores,
         energies=_energies(files),
@@ -172,6 +173,7 @@ def compare_producers(
         progress=_part(progress, 0.7, 0.85), registry=registry,
     )  # fmt: skip
     pairs = comparison.pairs if comparison is not None else ()
+    static = {name for name, path in measured.items() if counts_increments(path)}
     return Report(
         title=title if scene is None else scene.name,
         what=_what(scene, next(iter(files))),
@@ -182,9 +184,15 @@ def compare_producers(
         physics=physics_of(experiment),
         comparison=comparison,
         divergences={
-            name: judge_difference(pair.times, pair.rms_over_time, scale=scale, twins=twins)
+            name: judge_difference(
+                pair.times,
+                pair.rms_over_time,
+                scale=scale,
+                twins=twins,
+                equilibria=(name in static) != (next(iter(files)) in static),
+            )
             for name, pair in zip(list(files)[1:], pairs, strict=True)
-            if scale is not None
+            if scale is not None and pair.errors.displacement > 0.0
         },
         probes={} if scene is None else {n: probe_run(p, scene) for n, p in measured.items()},
         scores=_scores(measured, scene, choices, progress=_part(progress, 0.85, 1.0)),

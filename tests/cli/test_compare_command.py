@@ -144,3 +144,30 @@ def test_files_without_anything_in_common(openprc, make_run):
     named = make_run("named.h5", n_nodes=2, labels=["p", "q"])
     strange = make_run("strange.h5", n_nodes=3, labels=["x", "y", "z"], radius=50.0)
     assert openprc("compare", named, strange, "--match", "label").code == 2
+
+
+def test_a_file_where_a_folder_is_to_be_made(openprc, make_run, tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    one, two = make_run("one.h5"), make_run("two.h5")
+    for call in (
+        ("compare", one, two, "--out", tmp_path / "taken"),
+        ("compare", one, two, "--out", tmp_path / "taken" / "deeper"),
+        ("scene", "oscillator", "--out", tmp_path / "taken"),
+        ("tradeoff", "oscillator", "--out", tmp_path / "taken"),
+    ):
+        done = openprc(*call)
+        assert done.code == 2
+        assert "taken is a file" in done.text
+        assert "give another --out" in done.text
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_nodes_that_do_not_move_agree_with_nothing(openprc, make_run, tmp_path):
+    with TrajectoryWriter(tmp_path / "still.h5", provenance=Provenance("test")) as writer:
+        writer.declare_nodes(1, 3, unit="m")
+        for k in range(20):
+            writer.append(0.1 * k, positions=[[0.0, 0.0, 0.0]])
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes((tmp_path / "still.h5").read_bytes())
+    data = openprc("compare", tmp_path / "still.h5", copy, "--json").data
+    assert data["divergences"] == {}

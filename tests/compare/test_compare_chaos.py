@@ -163,6 +163,15 @@ def test_without_twins_growth_is_only_warned_of():
     assert judge_difference(TIMES, 1e-5 * np.ones_like(TIMES), scale=1.0).verdict == "agrees"
 
 
+def test_equilibria_beside_a_run_in_time_are_no_fault():
+    times = np.linspace(0.0, 10.0, 101)
+    apart = np.exp(-times) * np.abs(np.cos(3.0 * times))
+    judged = judge_difference(times, apart, scale=1.0, equilibria=True)
+    assert judged.verdict == "quasi-static"
+    assert "no inertia" in judged.text
+    assert judge_difference(times, apart, scale=1.0).verdict == "differs"
+
+
 def test_gaps_are_left_out():
     rms = 0.001 * TIMES
     rms[::3] = np.nan

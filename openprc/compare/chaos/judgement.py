@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     Reals = NDArray[np.float64]
 
-Verdict = Literal["agrees", "chaos", "sensitive", "differs", "grows"]
+Verdict = Literal["agrees", "chaos", "sensitive", "differs", "grows", "quasi-static"]
 #: Runs that are further apart than this share of the scale are not said to agree.
 SHARE = 1e-2
 
@@ -34,12 +34,13 @@ class Divergence:
 
     Parameters
     ----------
-    verdict : {"agrees", "chaos", "sensitive", "differs", "grows"}
+    verdict : {"agrees", "chaos", "sensitive", "differs", "grows", "quasi-static"}
         "agrees": below 1 % of the scale throughout; "chaos": above it after `horizon`, and twins
         of one integrator have parted exponentially, a hundredfold or more, by then; "sensitive":
         they have parted as far, and not exponentially: a snap or an impact does that;
         "differs": above it, and twins do not explain that; "grows": above it, exponentially, and
-        no twins were run to explain it.
+        no twins were run to explain it; "quasi-static": above it, and one of the two is a path of
+        equilibria, which has no inertia.
     horizon : float or None [s]
         When the difference first is 1 % of the scale.
     expected_horizon : float or None [s]
@@ -65,7 +66,12 @@ class Divergence:
 
 
 def judge_difference(
-    times: Reals, rms: Reals, *, scale: float, twins: TwinStudy | None = None
+    times: Reals,
+    rms: Reals,
+    *,
+    scale: float,
+    twins: TwinStudy | None = None,
+    equilibria: bool = False,
 ) -> Divergence:
     """Say what the difference of two runs means.
 
@@ -78,6 +84,8 @@ def judge_difference(
         Of the motion.
     twins : TwinStudy, optional
         Of the same experiment.
+    equilibria : bool
+        One of the two is a path of equilibria that was put in time, the other is not.
     """
     seen = np.isfinite(rms)
     times, rms = np.asarray(times)[seen], np.asarray(rms)[seen]
@@ -94,6 +102,13 @@ def judge_difference(
     if horizon is None:
         return _agreeing(times, rms, scale=scale, twins=twins, judged=judged)
     after = f"the difference is 1 % of the scale from t = {horizon:.4g} s on"
+    if equilibria:
+        last = float(rms[-1]) / scale
+        return judged(
+            "quasi-static",
+            f"{after}: equilibria have no inertia, so they are apart from a run in time wherever it"
+            f" still swings; at the end the difference is {last:.2g} of the scale",
+        )
     if twins is None:
         growth = measure_growth(times, rms / scale)
         if growth is not None and growth.kind == "exponential":
