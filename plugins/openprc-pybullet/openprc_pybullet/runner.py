@@ -92,7 +92,8 @@ class _Frames:
         self.loop = loop
         self.recorder = recorder
         self.reach = ESCAPE_FACTOR * scene_size(experiment)
-        self.watch = RunWatch(as_leapfrog(experiment), scheme="PyBullet")
+        # Without the half kick stored velocities lag half a step behind the positions.
+        self.watch = RunWatch(as_leapfrog(experiment), scheme="PyBullet", balanced=loop.half_kick)
         frame_bytes = sum(column.nbytes for column in loop.field.frames(1))
         rows = max(1, min(experiment.n_frames, FLUSH_BYTES // frame_bytes))
         self.buffer: FrameBuffer = loop.field.frames(rows)

@@ -61,10 +61,14 @@ class RunWatch:
     experiment : Experiment
     scheme : str, optional
         What integrates it, in words; the experiment's integrator by default.
+    balanced : bool
+        Whether positions and velocities of a frame belong to one instant. Where they do not,
+        no energy can be told from them, and none is weighed.
     """
 
-    def __init__(self, experiment: Experiment, *, scheme: str = "") -> None:
+    def __init__(self, experiment: Experiment, *, scheme: str = "", balanced: bool = True) -> None:
         self.experiment = experiment
+        self.balanced = balanced
         self.scheme = scheme or f"the integrator {experiment.integrator!r}"
         geometry = experiment.geometry
         rigid = {"tension": geometry.bars.rigid, "moment": geometry.hinges.rigid}
@@ -102,7 +106,8 @@ class RunWatch:
                 count = min(count, int(np.argmax(bad)) if bad.any() else count)
         if count:
             head = FrameBuffer(*(column[:count] for column in block))
-            self._weigh(first, head)
+            if self.balanced:
+                self._weigh(first, head)
             self._follow_hinges(first, head)
             self._measure(first, head)
             self._follow_bars(first, head)
