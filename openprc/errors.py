@@ -139,6 +139,21 @@ class NotATrajectory(UnreadableFile):
     """The file was recognised, and it holds something other than a trajectory."""
 
 
+# --- video -------------------------------------------------------------------------------
+
+
+class VideoError(UnreadableFile):
+    """The video is damaged, empty, or changes in the middle."""
+
+
+class NoFeaturesError(MissingData):
+    """The image shows nothing that a detector would track."""
+
+
+class CalibrationError(OpenPRCError):
+    """The calibration cannot be computed, or does not fit the recording."""
+
+
 # --- experiments and runs ---------------------------------------------------------------
 
 

@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "attach-input": ("attach_input", "Add what drove the body to a copy of a file"),
     "benchmark": ("benchmark", "Train a readout on a NARMA task and score it"),
     "characterise": ("characterise", "Measure everything that a body can compute"),
+    "calibrate": ("calibrate", "Calibrate a camera, two cameras, or a plane from images"),
     "check-plugin": ("check_plugin", "Run the conformance kit on an installed plugin"),
     "compare": ("compare", "Say how much runs of one body differ, and whether that matters"),
     "demo": ("demo", "Import, run, validate and score one small body a producer"),
@@ -38,6 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("run", "Simulate an experiment folder"),
     "scene": ("scene", "Write a body of the library as an experiment folder"),
     "scenes": ("scenes", "List the bodies of the library"),
+    "track": ("track", "Track points through a video into a simulation.h5"),
     "tradeoff": ("tradeoff", "Measure what accuracy costs on a scene"),
     "validate": ("validate", "Check files against the contract"),
 }

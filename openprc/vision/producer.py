@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from openprc.errors import ConfigError, MissingData, UnreadableFile
 from openprc.schema import safety
 from openprc.vision.detectors import DETECTORS
-from openprc.vision.tracking import LucasKanade
+from openprc.vision.old_klt import LucasKanade
 from openprc.vision.video import Video, container, frame_times
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class VisionProducer:
 
     Options: ``detector`` and ``max_points``, or ``points`` (a CSV file of x, y in px of the
     first frame); ``win_size``, ``levels`` and ``fb_threshold`` of
-    `openprc.vision.tracking.LucasKanade`; ``fps`` where the container does not know the rate
+    `openprc.vision.old_klt.LucasKanade`; ``fps`` where the container does not know the rate
     of the camera. The tracks of all frames are held in memory, the images are not.
     """
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openprc.errors import UnreadableFile
 from openprc.hooks.protocols import Sample
-from openprc.vision.video import load_cv2
+from openprc.vision.opencv import load_cv2
 
 FPS = 30.0
 #: A symbol is held from one frame to the next.

@@ -10,33 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import ConfigError, MissingDependency, UnreadableFile
+from openprc.errors import ConfigError, UnreadableFile
 from openprc.schema import safety
-
-
-def load_cv2() -> Any:
-    """Import OpenCV on first use.
-
-    Raises
-    ------
-    MissingDependency
-        When it is not installed.
-    """
-    try:
-        # Half a second, and an optional dependency: never at module level.
-        import cv2
-    except ImportError as error:
-        raise MissingDependency(
-            "reading video needs OpenCV, and the module cv2 is not installed",
-            expected="the wheel opencv-python-headless, below version 5",
-            fix="pip install 'opencv-python-headless<5'",
-        ) from error
-    return cv2
+from openprc.vision.opencv import load_cv2
 
 
 def container(path: Path) -> str | None:

@@ -13,7 +13,7 @@ from openprc.errors import ConfigError, MissingData, UnreadableFile
 from openprc.schema import Provenance, Trajectory, TrajectoryWriter
 from openprc.vision import samples
 from openprc.vision.producer import VisionProducer
-from openprc.vision.tracking import LucasKanade
+from openprc.vision.old_klt import LucasKanade
 from openprc.vision.video import Video, frame_times
 
 cv2 = pytest.importorskip("cv2")

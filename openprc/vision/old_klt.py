@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError
-from openprc.vision.video import load_cv2
+from openprc.vision.opencv import load_cv2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,1 @@
+"""Points worth following: detectors by name, feature maps, and their cache."""

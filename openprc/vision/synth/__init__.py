@@ -1,0 +1,1 @@
+"""Clips whose motion is known exactly."""

@@ -1,0 +1,1 @@
+"""Following points from frame to frame, to a known accuracy."""

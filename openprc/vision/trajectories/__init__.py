@@ -1,0 +1,1 @@
+"""Tracks as trajectories: gaps, smoothing, signals, resampling."""
