@@ -17,6 +17,8 @@ TIME = "/time_series/time"
 POSITIONS = "/time_series/nodes/positions"
 OBSERVED = "/time_series/nodes/observed"
 VELOCITIES = "/time_series/nodes/velocities"
+#: A sensor may have gaps, and NaN is how a column without a mask shows them.
+_WITH_GAPS = ("/time_series/channels/", "/time_series/elements/", "/extensions/")
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class BlockChecker:
             # Too large for f4 becomes infinite, and is refused as that.
             with np.errstate(over="ignore", invalid="ignore"):
                 stored: NDArray[Any] = array.astype(dtype, copy=False)
-            if dtype.kind == "u" and not np.array_equal(stored, array):
+            if dtype.kind in "iu" and not np.array_equal(stored, array):
                 raise ValueError("codes that are no small whole numbers")
             return stored
         except (TypeError, ValueError) as error:
@@ -139,8 +141,7 @@ class BlockChecker:
             index = np.argwhere(np.isinf(array))[0]
             raise self._wrong(name, f"infinite {self._place(index)}", "finite numbers")
         nan = np.isnan(array)
-        if name.startswith(("/time_series/channels/", "/time_series/elements/")):
-            # A sensor may have gaps, and NaN is how a column without a mask shows them.
+        if name.startswith(_WITH_GAPS):
             return
         if name not in (POSITIONS, VELOCITIES):
             index = np.argwhere(nan)[0]

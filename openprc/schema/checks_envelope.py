@@ -9,7 +9,7 @@ from datetime import datetime
 
 import numpy as np
 
-from openprc.schema.layout import ROOT_GROUPS, attributes_of
+from openprc.schema.layout import ROOT_GROUPS, TIME_AXIS, attributes_of
 from openprc.schema.validate import Complaint, check
 from openprc.schema.view import POSITIONS, TIME, View
 
@@ -170,6 +170,19 @@ def extensions(view: View) -> Iterator[Complaint]:
             yield path, "a dataset", "a group named after a distribution", "put it below one"
         elif not view.attribute(path, "version"):
             yield path, "attribute version is missing", "the version of the extension", "state it"
+
+
+@check("OPS-X04", "error", "a time series of an extension has one row a frame")
+def extension_series(view: View) -> Iterator[Complaint]:
+    """Time series of extensions."""
+    for path, item in view.datasets.items():
+        axis = view.attribute(path, TIME_AXIS)
+        if not path.startswith("/extensions/") or axis is None:
+            continue
+        if axis != 0:
+            yield path, f"{TIME_AXIS} is {axis!r}", "0, or no such attribute", _REWRITE
+        elif item.shape is None or item.ndim == 0 or len(item) != view.n_frames:
+            yield path, f"shape {item.shape}", f"{view.n_frames} rows, one a frame", _REWRITE
 
 
 def _text(value: object) -> str:

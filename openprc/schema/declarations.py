@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from openprc.schema import units
 from openprc.schema.declared_values import DeclaredValues, is_text
-from openprc.schema.layout import ELEMENT_ARITY
+from openprc.schema.layout import ELEMENT_ARITY, TIME_AXIS
 from openprc.schema.plain_text import storable
 from openprc.schema.streams import Stream
 
@@ -301,6 +301,47 @@ class Declarations(DeclaredValues):
             attrs["comment"] = storable(comment, key=path, file=self.path)
         self._put(path, data, attrs)
 
+    def declare_extension_series(
+        self,
+        distribution: str,
+        name: str,
+        row_shape: Sequence[int],
+        *,
+        unit: str = "1",
+        dtype: Literal["f8", "f4", "i8", "i4", "u1"] = "f4",
+        comment: str = "",
+    ) -> None:
+        """Declare an array of the plugin's own subtree that grows with time, (T, ...).
+
+        Parameters
+        ----------
+        distribution : str
+            Of `declare_extension`.
+        name : str
+        row_shape : sequence of int
+            Shape of what append() gives for one frame; ``()`` for one number.
+        unit : str
+        dtype : {"f8", "f4", "i8", "i4", "u1"}
+            NaN marks what is missing in the types with a fraction.
+        comment : str
+        """
+        self._open_for("declare_extension_series")
+        owner = f"/extensions/{distribution}"
+        if owner not in self.group_attrs:
+            raise self._error(owner, "not declared", "declare_extension() first")
+        path = f"{owner}/{self._name(name, owner)}"
+        if dtype not in ("f8", "f4", "i8", "i4", "u1"):
+            raise self._error(path, f"dtype {dtype!r}", "'f8', 'f4', 'i8', 'i4' or 'u1'")
+        row = tuple(int(size) for size in row_shape)
+        if min(row, default=1) < 1:
+            raise self._error(path, f"a row of shape {row}", "sizes of 1 or more")
+        if path in self.static:
+            raise self._error(path, "declared twice", "one declaration")
+        attrs: dict[str, Any] = {**self._unit(unit, path), TIME_AXIS: 0}
+        if comment:
+            attrs["comment"] = storable(comment, key=path, file=self.path)
+        self._stream(path, row, dtype, attrs)
+
     # --- bookkeeping ---------------------------------------------------------------------------
 
     def freeze(self) -> None:
@@ -327,7 +368,7 @@ class Declarations(DeclaredValues):
         self.streams[path] = Stream(path, row, np.dtype(dtype), attrs)
 
     def _put(self, path: str, data: Any, attrs: dict[str, Any]) -> None:
-        if path in self.static:
+        if path in self.static or path in self.streams:
             raise self._error(path, "declared twice", "one declaration")
         self.static[path] = (data, attrs)
 

@@ -19,7 +19,7 @@ from openprc.schema import units
 from openprc.schema.atomic import PARTIAL, atomic_file
 from openprc.schema.damage import damage_named
 from openprc.schema.digest import checksum
-from openprc.schema.layout import CHECKSUM, match
+from openprc.schema.layout import CHECKSUM, TIME_AXIS, match
 from openprc.schema.provenance import (
     Provenance,
     Source,
@@ -274,7 +274,9 @@ def repair(
         file.visititems(
             lambda path, item: paths.append(path) if isinstance(item, h5py.Dataset) else None
         )
-        for path in filter(_grows, paths):
+        for path in paths:
+            if not _grows(path, file[path]):
+                continue
             file[path].attrs[CHECKSUM] = np.int64(checksum(file[path][()]))
         file["committed"][()] = rows
         file["time_series/time"].attrs.update(describe_time(file["time_series/time"][()]))
@@ -330,7 +332,7 @@ def _copy(trajectory: Trajectory, file: h5py.File, rows: int | None) -> None:
     def copy(path: str, item: h5py.HLObject) -> None:
         if isinstance(item, h5py.Group):
             made = file.require_group(path)
-        elif _grows(path):
+        elif _grows(path, item):
             # What lies beyond the committed rows may be damaged, and is not touched.
             made = file.create_dataset(path, data=item[:rows])
         else:
@@ -343,7 +345,9 @@ def _copy(trajectory: Trajectory, file: h5py.File, rows: int | None) -> None:
     file.attrs.update(dict(trajectory._file.attrs))
 
 
-def _grows(path: str) -> bool:
+def _grows(path: str, item: h5py.Dataset) -> bool:
+    if path.startswith("extensions/"):
+        return TIME_AXIS in item.attrs
     rule = match(f"/{path}")
     return rule is not None and rule[0].shape[:1] == ("T",)
 

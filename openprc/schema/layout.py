@@ -20,6 +20,8 @@ STATUSES = ("running", "complete", "interrupted", "failed")
 
 #: Attribute with the checksum of everything that grows with time.
 CHECKSUM = "crc32"
+#: Attribute that tells a time series of an extension from its other arrays.
+TIME_AXIS = "time_axis"
 
 Need = Literal["required", "conditional", "optional"]
 
@@ -169,6 +171,9 @@ _UNIT_OWNERS = (
     "/topology/nodes/mass",
 )
 
+#: Arrays of an extension; the contract says only how a time series among them is marked.
+EXTENSION_SERIES = "/extensions/<distribution>/<name>"
+
 ATTRIBUTES: tuple[AttributeRule, ...] = (
     AttributeRule("/", "openprc_schema", "str", "required", "MAJOR.MINOR of this contract."),
     AttributeRule("/", "kind", "str", "required", "What the file holds.", choices=KINDS),
@@ -243,10 +248,20 @@ ATTRIBUTES: tuple[AttributeRule, ...] = (
                   "1 when the same inputs give the same bytes."),
     AttributeRule("/extensions/<distribution>", "version", "str", "conditional",
                   "Version of the extension.", when="the group is present"),
+    AttributeRule(EXTENSION_SERIES, TIME_AXIS, "int", "conditional",
+                  "0: axis 0 runs over the frames of the file, (T, ...).",
+                  when="it is a time series"),
+    AttributeRule(EXTENSION_SERIES, CHECKSUM, "int", "optional",
+                  "CRC-32 of a time series, as everywhere."),
+    AttributeRule(EXTENSION_SERIES, "unit", "str", "optional", "From the closed list."),
+    AttributeRule(EXTENSION_SERIES, "si_factor", "float", "optional",
+                  "Factor to SI; NaN for px and arb."),
 )  # fmt: skip
 
 #: Groups that the contract knows; everything else at the root is a stray.
-ROOT_GROUPS = ("committed", "time_series", "inputs", "topology", "provenance", "extensions")
+ROOT_GROUPS = (
+    "committed", "time_series", "inputs", "topology", "provenance", "extensions", "vision",
+)  # fmt: skip
 
 #: What units may measure where the contract says so.
 PHYSICAL_DIMENSIONS: dict[str, tuple[str, ...]] = {

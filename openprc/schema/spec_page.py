@@ -62,8 +62,17 @@ def render() -> str:
     lines += [
         "",
         "`/extensions/<distribution>/...` belongs to the plugin of that distribution: any data, "
-        "attribute `version` required. The package itself writes nothing there, and a plugin "
-        "writes nowhere else.",
+        "attribute `version` required. A plugin writes its own data nowhere else. An array there "
+        "with the attribute `time_axis` grows with the trajectory, one row a frame; NaN in it "
+        "marks what is missing. The tracker of the package writes `/extensions/openprc-vision`: "
+        "`quality` (T, N), `sigma` (T, N, D) in the unit of the positions, `status` (T, N) and "
+        "`template` (T, N).",
+        "",
+        "`/vision/...` is what `openprc.vision.save` keeps beside the trajectory: the video, the "
+        "points, the raw tracks, and the signals, in the layout of the older tracker, so that "
+        "programs which read that layout read this file too. It is no part of the trajectory: "
+        "a reader of the contract MAY pass it over, and nothing in it changes what the "
+        "trajectory says.",
         "",
         "## Units",
         "",

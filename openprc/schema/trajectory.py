@@ -18,6 +18,7 @@ from openprc.errors import (
 from openprc.schema.clock import Clock
 from openprc.schema.damage import damage_named
 from openprc.schema.digest import content_digest
+from openprc.schema.layout import TIME_AXIS
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
 from openprc.schema.stored import ALL, Frames, InputSignal
@@ -340,9 +341,24 @@ class Trajectory(Clock):
         """Return the names of what a distribution's own subtree holds."""
         return self._names(f"extensions/{distribution}")
 
-    def extension(self, distribution: str, name: str) -> NDArray[Any]:
-        """Return an array of a distribution's own subtree, as stored."""
-        return self._static(f"/extensions/{distribution}/{name}", None)
+    def extension(
+        self, distribution: str, name: str, *, frames: Frames | None = None
+    ) -> NDArray[Any]:
+        """Return an array of a distribution's own subtree, as stored.
+
+        Of a time series, the committed frames or those of `frames`, (T', ...).
+
+        Raises
+        ------
+        MissingData
+            When it is not in the file.
+        SchemaError
+            When `frames` are asked for and it has not one row a frame.
+        """
+        path = f"/extensions/{distribution}/{name}"
+        if frames is None and TIME_AXIS not in self._get(path).attrs:
+            return self._static(path, None)
+        return self._series(path, ALL if frames is None else frames)
 
     @property
     def provenance(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.schema.layout import DatasetRule, match
+from openprc.schema.layout import TIME_AXIS, DatasetRule, match
 
 #: Content is looked at in pieces of this many bytes, so that memory stays small.
 PIECE_BYTES = 16 << 20
@@ -106,6 +106,8 @@ class View:
         """Whether a dataset has time along axis 0 and numbers in it."""
         rule = self.ruled.get(path)
         item = self.datasets[path]
+        if path.startswith("/extensions/"):
+            return self.attribute(path, TIME_AXIS) == 0 and item.dtype.kind in "fiu"
         return (
             rule is not None
             and bool(rule[0].shape)

@@ -268,6 +268,7 @@ class TrajectoryWriter(Declarations):
         channels: Mapping[str, ArrayLike] | None = None,
         system: Mapping[str, ArrayLike] | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        extensions: Mapping[tuple[str, str], ArrayLike] | None = None,
     ) -> None:
         """Append one frame (`time` a number) or a block of B frames (`time` of length B).
 
@@ -281,6 +282,8 @@ class TrajectoryWriter(Declarations):
         elements : mapping of (kind, quantity) to (E,) or (B, E)
         channels, inputs : mapping of name to (C,) or (B, C)
         system : mapping of name to float or (B,)
+        extensions : mapping of (distribution, name) to (...) or (B, ...)
+            What `declare_extension_series` declared.
 
         Raises
         ------
@@ -311,6 +314,8 @@ class TrajectoryWriter(Declarations):
                 given[f"/time_series/{group}/{name}"] = value
         for name, value in (inputs or {}).items():
             given[f"/inputs/{name}/value"] = value
+        for (distribution, name), value in (extensions or {}).items():
+            given[f"/extensions/{distribution}/{name}"] = value
         checker, streams = self._live or self._begin()
         block: Block = checker.check(given)
         streams.append(block.arrays, block.rows)

@@ -12,6 +12,7 @@ from openprc.schema.layout import (
     ATTRIBUTES,
     DATASETS,
     ELEMENT_ARITY,
+    EXTENSION_SERIES,
     PHYSICAL_DIMENSIONS,
     ROOT_GROUPS,
     attributes_of,
@@ -81,7 +82,7 @@ def test_rules_are_consistent():
     keys = [(rule.owner, rule.name) for rule in ATTRIBUTES]
     doubles = [k for k, g in itertools.groupby(sorted(keys)) if len(list(g)) > 1]
     assert doubles == []
-    known = {"/", "/provenance", "/extensions/<distribution>", *paths}
+    known = {"/", "/provenance", "/extensions/<distribution>", EXTENSION_SERIES, *paths}
     for attribute in ATTRIBUTES:
         assert attribute.owner in known
         assert bool(attribute.when) == (attribute.need == "conditional")

@@ -94,6 +94,8 @@ MUTATIONS = {
     "OPS-P02": (sources(name=b"home/me/a.txt"), "default", "/provenance/inputs", "a path"),
     "OPS-X01": (drop_attr("extensions/openprc-test", "version"), "default",
                 "/extensions/openprc-test", "version is missing"),
+    "OPS-X04": (attr("extensions/openprc-test/camera", time_axis=0), "default",
+                "/extensions/openprc-test/camera", "shape (3, 3)"),
     "OPS-L01": (drop("provenance/inputs"), "default", "/provenance/inputs", "missing"),
     "OPS-L02": (lambda f: f.create_dataset("time_series/extra", data=1.0), "default",
                 "/time_series/extra", "not part"),

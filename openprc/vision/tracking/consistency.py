@@ -1,0 +1,54 @@
+"""Which points move as their surroundings do not.
+
+A pattern that repeats itself, as the cells of a folded sheet do, matches one cell further as
+well, and no correlation with a template can tell. The neighbours can. But a body that moves on its
+own departs from its neighbours rightly; therefore a point is only called into question here,
+and the image decides: the tracker looks where the neighbours lead to, and the point has gone
+astray only if it is found there too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openprc.vision.tracking.local_motion import MAD_TO_SIGMA, masked_median
+
+#: A point is out of line from this many robust deviations of its neighbours on.
+DEVIATIONS = 3.0
+
+
+def out_of_line(
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    found: NDArray[np.bool_],
+    neighbours: NDArray[np.intp],
+    *,
+    allowance: float,
+) -> NDArray[np.intp]:
+    """Return the points (n,) whose step departs from the steps of their neighbours.
+
+    Parameters
+    ----------
+    before, after : (N, 2) [px]
+        In two successive frames.
+    found : (N,)
+        Points that count, in both.
+    neighbours : (N, k)
+        The neighbours of each point.
+    allowance : float [px]
+        A departure below this is never called into question.
+    """
+    if neighbours.shape[1] < 3 or np.count_nonzero(found) < 4:
+        return np.zeros(0, np.intp)
+    moved = np.where(found[:, None], after - before, 0.0)
+    valid = found[neighbours]
+    theirs = moved[neighbours]
+    middle = np.stack([masked_median(theirs[..., c], valid) for c in (0, 1)], axis=1)
+    own = np.linalg.norm(moved - middle, axis=1)
+    suspects = np.flatnonzero(found & (valid.sum(axis=1) >= 3) & (own > allowance))
+    if not len(suspects):
+        return suspects
+    around = np.linalg.norm(theirs[suspects] - middle[suspects, None], axis=2)
+    spread = MAD_TO_SIGMA * masked_median(around, valid[suspects])
+    return suspects[own[suspects] > DEVIATIONS * spread]

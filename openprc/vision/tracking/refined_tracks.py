@@ -1,0 +1,352 @@
+"""The default tracker: Lucas-Kanade leads, a template of the reference frame decides.
+
+Every position is the best match of the point's surroundings in the reference frame, so errors do
+not add up; Lucas-Kanade, the neighbours and the point's own motion only say where to begin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openprc.vision.tracking import key_templates
+from openprc.vision.tracking.config import KLTConfig
+from openprc.vision.tracking.consistency import out_of_line
+from openprc.vision.tracking.correlation import Correlator, PreparedImage, estimate_noise
+from openprc.vision.tracking.frame_search import FrameSearch
+from openprc.vision.tracking.local_motion import neighbour_table
+from openprc.vision.tracking.point_state import PointState, gradients, warps_at
+from openprc.vision.tracking.predictor import FAST_STEP, PyramidalKLT, Step
+from openprc.vision.tracking.reacquisition import along_with_neighbours, carry
+from openprc.vision.tracking.status import Status
+from openprc.vision.tracking.track_steps import FrameTracks
+
+if TYPE_CHECKING:
+    from openprc.vision.source.frame import Frame
+
+#: A lost point must match this well, compared with what it usually does.
+_RETURN_QUALITY = 0.85
+#: Frames over which the quality of a fresh template is averaged, and of late.
+_FRESH, _LATE = 10, 10
+#: Frames between two looks back to the template of the reference frame.
+_LOOK_BACK = 5
+
+
+class RefinedTracks:
+    """Follows points by matching them with templates."""
+
+    def __init__(self, config: KLTConfig) -> None:
+        self.config = config
+        self.notes: tuple[str, ...] = ()
+        self.noise = float("nan")
+        self._klt = PyramidalKLT(config)
+        self._correlator = Correlator(config.refinement)
+
+    def place(self, frame: Frame, points: NDArray[np.float64]) -> FrameTracks:
+        """Cut a template around each of `points` (N, 2) [px] in the reference frame."""
+        image = self._correlator.prepare(frame.intensity)
+        self.noise = estimate_noise(frame.intensity)
+        state = self._state = PointState(points, self._correlator.add_templates(image, points))
+        self._neighbours = neighbour_table(points, self.config.neighbours)
+        self._fresh = np.full(len(points), np.nan)
+        self._age = np.zeros(len(points), np.intp)
+        self._last_step = 0.0
+        self._before = frame.grey
+        without = ~state.tracked
+        edge = without & self._beyond_edge(points, frame.grey.shape)
+        state.status[edge] = Status.OOB
+        self._note_refused(int(edge.sum()), int((without & ~edge).sum()))
+        self._last = self._tracks(frame)
+        return self._last
+
+    def step(self, frame: Frame) -> FrameTracks:
+        """Find all points in the next frame."""
+        if frame.duplicate:
+            return self._repeat(frame)
+        state = self._state
+        image = self._correlator.prepare(frame.intensity)
+        search = FrameSearch(self._correlator, image, state, self.config)
+        before = state.warps[:, :2].copy()
+        live = np.flatnonzero(state.tracked)
+        drifted = self._follow(search, frame, live)
+        lost = np.flatnonzero(~search.found & (state.first_template >= 0))
+        if len(lost):
+            carry(state, lost, before, search.warps[:, :2], search.found, self._neighbours)
+            if self.config.reacquire:
+                self._reacquire(search, lost, frame.index)
+            else:
+                search.found &= state.tracked
+        drifted |= self._check_neighbours(search, before)
+        self._commit(search, before, drifted, frame)
+        self._renew(image, frame.index)
+        self._before = frame.grey
+        self._last = self._tracks(frame)
+        return self._last
+
+    def _follow(
+        self, search: FrameSearch, frame: Frame, live: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Find the points seen in the last frame; return which failed the way back (N,)."""
+        state = self._state
+        start = state.warps[live, :2]
+        step = self._klt.step(self._before, frame.grey, start, last_step=self._last_step)
+        trusted = step.fb_error <= self.config.fb_threshold
+        if len(live) and trusted.mean() < 0.5 and self._last_step <= FAST_STEP:
+            # Most went astray: a jolt, for which the pyramid was too low.
+            step = self._second_try(frame, start, step, trusted)
+            trusted = step.fb_error <= self.config.fb_threshold
+        guess = state.warps[live]
+        guess[:, :2] = step.positions
+        search.attempt(live[trusted], guess[trusted], steps_from=start[trusted])
+        # Those that failed are looked for where the neighbours lead to, then where the
+        # doubtful Lucas-Kanade led to, then where their own motion would have led to.
+        for attempt in ("neighbours", "doubtful", "coasting"):
+            rest = np.flatnonzero(~search.found[live])
+            if not len(rest):
+                break
+            points, was = live[rest], start[rest]
+            again = state.warps[points]
+            if attempt == "neighbours":
+                motion = along_with_neighbours(
+                    points,
+                    was,
+                    state.warps[:, :2],
+                    search.warps[:, :2],
+                    search.found,
+                    self._neighbours,
+                )
+                turned = motion.gradients @ gradients(again)
+                again = warps_at(motion.positions, turned)
+            elif attempt == "doubtful":
+                again[:, :2] = step.positions[rest]
+            else:
+                again[:, :2] = was + state.velocity[points]
+            floor = _RETURN_QUALITY * np.nan_to_num(state.usual[points])
+            search.attempt(points, again, floor=floor, steps_from=was)
+        drifted = np.zeros(len(state.reference), bool)
+        drifted[live] = step.found & ~trusted
+        return drifted & ~search.found
+
+    def _second_try(
+        self, frame: Frame, start: NDArray[np.float64], step: Step, trusted: NDArray[np.bool_]
+    ) -> Step:
+        again = np.flatnonzero(~trusted)
+        other = self._klt.step(self._before, frame.grey, start[again], last_step=np.inf)
+        better = other.fb_error < step.fb_error[again]
+        rows = again[better]
+        merged = Step(*(np.copy(getattr(step, name)) for name in Step.__slots__))
+        for name in Step.__slots__:
+            getattr(merged, name)[rows] = getattr(other, name)[better]
+        return merged
+
+    def _reacquire(self, search: FrameSearch, lost: NDArray[np.intp], index: int) -> None:
+        """Look for lost points (n,) where they are expected."""
+        state = self._state
+        floor = _RETURN_QUALITY * np.nan_to_num(state.usual)
+        survivors = search.found.copy()
+        search.attempt(lost, state.warps[lost], floor=floor[lost])
+        # The other guesses in turns: a point that is hidden for long costs little.
+        turn = (index + lost) % 2 == 0
+        rest = lost[~search.found[lost] & (turn | (state.missed[lost] < 3))]
+        if len(rest) and survivors.any():
+            motion = along_with_neighbours(
+                rest,
+                state.reference[rest],
+                state.reference,
+                search.warps[:, :2],
+                survivors,
+                self._neighbours,
+            )
+            search.attempt(
+                rest,
+                warps_at(motion.positions, motion.gradients),
+                templates=state.first_template[rest],
+                floor=floor[rest],
+            )
+            rest = rest[~search.found[rest]]
+        if len(rest):
+            coasting = state.warps[rest]
+            coasting[:, :2] = state.coasting[rest]
+            search.attempt(rest, coasting, floor=floor[rest])
+
+    def _check_neighbours(
+        self, search: FrameSearch, before: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Look where the neighbours of suspects lead to; return which are found to drift."""
+        state = self._state
+        drifted = np.zeros(len(state.reference), bool)
+        suspects = out_of_line(
+            before,
+            search.warps[:, :2],
+            search.found,
+            self._neighbours,
+            allowance=self.config.consistency,
+        )
+        if not len(suspects):
+            return drifted
+        others = search.found.copy()
+        others[suspects] = False
+        motion = along_with_neighbours(
+            suspects, before[suspects], before, search.warps[:, :2], others, self._neighbours
+        )
+        own = search.warps[suspects, :2]
+        away = np.linalg.norm(own - motion.positions, axis=1)
+        with np.errstate(invalid="ignore"):
+            odd = away > np.maximum(3 * motion.spread, self.config.consistency)
+        suspects, own, away = suspects[odd], own[odd], away[odd]
+        if not len(suspects):
+            return drifted
+        guess = warps_at(
+            motion.positions[odd], motion.gradients[odd] @ gradients(state.warps[suspects])
+        )
+        templates = state.template[suspects]
+        there = self._correlator.refine(search.image, templates, guess)
+        matches = search.acceptable(there, guess)
+        matches &= there.zncc >= 0.9 * search.quality[suspects]
+        elsewhere = np.linalg.norm(there.positions - own, axis=1) > 0.5
+        moved = matches & elsewhere
+        search.keep(suspects[moved], there, moved, templates[moved])
+        # A match nowhere near the neighbours' is believed of a point that was in sight.
+        astray = ~moved & ~matches & ~state.tracked[suspects]
+        search.found[suspects[astray]] = False
+        drifted[suspects[astray]] = True
+        return drifted
+
+    def _commit(
+        self,
+        search: FrameSearch,
+        before: NDArray[np.float64],
+        drifted: NDArray[np.bool_],
+        frame: Frame,
+    ) -> None:
+        """Take over what was found."""
+        state, found = self._state, search.found
+        steady = found & state.tracked
+        state.velocity[steady] = search.warps[steady, :2] - before[steady]
+        if steady.any():
+            speed = np.hypot(state.velocity[steady, 0], state.velocity[steady, 1])
+            self._last_step = float(np.percentile(speed, 90))
+        returned = np.flatnonzero(found & (search.template != state.template))
+        self._forget(returned)
+        state.depth[returned] = 0
+        state.base[returned] = np.eye(2)
+        state.template[found] = search.template[found]
+        state.warps[found] = search.warps[found]
+        state.coasting[found] = search.warps[found, :2]
+        state.missed = np.where(found, 0, state.missed + 1)
+        state.quality, state.sigma = search.quality, search.sigma
+        late = np.where(np.isnan(state.usual), search.quality, state.usual)
+        state.usual = np.where(found, late + (search.quality - late) / _LATE, state.usual)
+        growing = found & (self._age < _FRESH)
+        self._age += found
+        first = np.where(np.isnan(self._fresh), 0.0, self._fresh)
+        self._fresh[growing] = (first + (search.quality - first) / np.maximum(self._age, 1))[
+            growing
+        ]
+        has_template = state.first_template >= 0
+        gone = ~found & has_template
+        outside = gone & self._beyond_edge(state.warps[:, :2], frame.grey.shape)
+        code = np.where(drifted, Status.DRIFT, Status.LOST)
+        kept = (state.status == Status.DRIFT) & ~state.tracked
+        code = np.where(kept, Status.DRIFT, code)
+        state.status[gone] = code[gone]
+        state.status[outside] = Status.OOB
+        state.status[found] = Status.TRACKED
+        state.tracked = found
+
+    def _renew(self, image: PreparedImage, index: int) -> None:
+        """Go back to the reference frame's templates where possible, cut new ones where due."""
+        state = self._state
+        deformation = gradients(state.warps) @ state.base
+        back = np.flatnonzero(state.tracked & (state.depth > 0))
+        back = back[(index + back) % _LOOK_BACK == 0]
+        if len(back):
+            guess = warps_at(state.warps[back, :2], deformation[back])
+            first = self._correlator.refine(image, state.first_template[back], guess)
+            near = np.linalg.norm(first.positions - guess[:, :2], axis=1) <= self.config.max_offset
+            good = first.accepted & near
+            rows = back[good]
+            state.warps[rows] = first.warps[good]
+            state.quality[rows], state.sigma[rows] = first.zncc[good], first.sigma[good]
+            state.template[rows] = state.first_template[rows]
+            state.depth[rows], state.base[rows] = 0, np.eye(2)
+            self._forget(rows)
+        settled = state.tracked & (self._age >= _FRESH)
+        due = np.flatnonzero(
+            settled
+            & key_templates.worn(
+                state.usual,
+                self._fresh,
+                gradients(state.warps),
+                self._neighbours,
+                settled,
+                config=self.config,
+            )
+        )
+        if not len(due):
+            return
+        new = self._correlator.add_templates(image, state.warps[due, :2])
+        due, new = due[new >= 0], new[new >= 0]
+        state.base[due] = deformation[due]
+        state.warps[due, 2:] = 0.0
+        state.template[due] = new
+        state.depth[due] += 1
+        self._forget(due)
+
+    def _forget(self, points: NDArray[np.intp]) -> None:
+        """Let the quality of points with another template be learned anew."""
+        self._fresh[points] = np.nan
+        self._age[points] = 0
+        self._state.usual[points] = np.nan
+
+    def _beyond_edge(
+        self, points: NDArray[np.float64], shape: tuple[int, ...]
+    ) -> NDArray[np.bool_]:
+        """Return for which points (N, 2) the subset leaves the image."""
+        half = self.config.refinement.subset // 2
+        x, y = points[:, 0], points[:, 1]
+        fits = (x >= half) & (x <= shape[1] - 1 - half) & (y >= half) & (y <= shape[0] - 1 - half)
+        beyond: NDArray[np.bool_] = ~fits
+        return beyond
+
+    def _note_refused(self, at_edge: int, flat: int) -> None:
+        n, size = len(self._state.reference), self.config.refinement.subset
+        notes = []
+        if at_edge:
+            notes.append(
+                f"{at_edge} of {n} points lie so near the edge of the reference frame that "
+                f"their subset of {size} px leaves it; they are not followed (status OOB)"
+            )
+        if flat:
+            notes.append(
+                f"{flat} of {n} points lie where the reference frame shows no texture within "
+                f"{size} px; they are not followed (status LOST)"
+            )
+        self.notes = (*self.notes, *notes)
+
+    def _repeat(self, frame: Frame) -> FrameTracks:
+        """Say of a frame equal to the last what was said of that."""
+        status = self._last.status.copy()
+        status[status == Status.REFERENCE] = Status.TRACKED
+        return replace(
+            self._last, index=frame.index, stamp=frame.stamp, duplicate=True, status=status
+        )
+
+    def _tracks(self, frame: Frame) -> FrameTracks:
+        state = self._state
+        seen = (state.status == Status.TRACKED) | (state.status == Status.REFERENCE)
+        deformation = gradients(state.warps) @ state.base
+        return FrameTracks(
+            index=frame.index,
+            stamp=frame.stamp,
+            duplicate=frame.duplicate,
+            positions=np.where(seen[:, None], state.warps[:, :2], np.nan),
+            status=state.status.copy(),
+            quality=np.where(seen, state.quality, np.nan).astype(np.float32),
+            sigma=np.where(seen[:, None], state.sigma, np.nan).astype(np.float32),
+            template=state.depth.copy(),
+            deformation=np.where(seen[:, None, None], deformation, np.nan).astype(np.float32),
+        )
