@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,59 @@ _MARKS = np.array([1, 0, 0, 0, 2, 1], dtype=np.uint8)
 _LOST, _INTERPOLATED = (1, 2, 3), 4
 
 
+@dataclass(frozen=True)
+class StoredTracks:
+    """Tracks as they are stored below ``/vision``.
+
+    Attributes
+    ----------
+    places : (T, N, 2 or 3)
+        Also of points that count as missing.
+    times : (T,) [s]
+    status : (T, N)
+        Codes 0 to 5.
+    marks : (T, N)
+        0 missing, 1 measured, 2 filled in.
+    ids : list of int or None
+    fps : float [Hz]
+    """
+
+    places: NDArray[np.float64]
+    times: NDArray[np.floating[Any]]
+    status: NDArray[np.uint8]
+    marks: NDArray[np.uint8]
+    ids: list[int] | None
+    fps: float
+
+
+def read_tracks(file: h5py.File, path: Path, part: str) -> StoredTracks:
+    """Return what stands below ``/vision/<part>``, ``trajectories`` or ``tracking``.
+
+    Raises
+    ------
+    UnreadableFile
+        The datasets do not fit together, or a status code is not known.
+    """
+    group = file[f"vision/{part}"]
+    item = numeric(group, "positions")
+    if item is None or item.ndim != 3 or item.shape[2] not in (2, 3) or 0 in item.shape:
+        found = "no numbers" if item is None else f"shape {item.shape}"
+        raise _wrong(path, f"{part}/positions", found, "(T, N, 2), not empty")
+    places = read(item).astype(np.float64)
+    clock = numeric(group, "timestamps")
+    if clock is None:
+        raise _wrong(path, f"{part}/timestamps", "no numbers", f"{len(places)}, one a frame")
+    times = read_times(clock, len(places), path=path)
+    if len(times) != len(places):
+        raise _wrong(
+            path, f"{part}/timestamps", f"{len(times)} times", f"{len(places)}, one a frame"
+        )
+    status = _status(group, path, part, places.shape[:2])
+    marks = _MARKS[status] * np.isfinite(places).all(axis=2)
+    fps = attribute(group, "fps", 0.0)
+    return StoredTracks(places, times, status, marks, _ids(group, places.shape[1]), fps)
+
+
 def import_vision(
     file: h5py.File, path: Path, writer: TrajectoryWriter, options: Mapping[str, Any]
 ) -> None:
@@ -37,23 +91,14 @@ def import_vision(
         The datasets do not fit together, or a status code is not known.
     """
     part = "trajectories" if "vision/trajectories/positions" in file else "tracking"
-    group = file[f"vision/{part}"]
-    places = read(group["positions"]).astype(np.float64)
-    if places.ndim != 3 or places.shape[2] not in (2, 3) or 0 in places.shape:
-        raise _wrong(path, f"{part}/positions", f"shape {places.shape}", "(T, N, 2), not empty")
-    stored = read_times(group["timestamps"], len(places), path=path)
-    if len(stored) != len(places):
-        raise _wrong(
-            path, f"{part}/timestamps", f"{len(stored)} times", f"{len(places)}, one a frame"
-        )
-    fps = attribute(group, "fps", 0.0)
-    clock = rebuild(stored, rates=[fps])
+    tracks = read_tracks(file, path, part)
+    places, status = tracks.places, tracks.status
+    clock = rebuild(tracks.times, rates=[tracks.fps])
     if clock.remark:
         writer.note(clock.remark)
-    status = _status(group, path, part, places.shape[:2])
     unit = "px"
     if part == "trajectories":
-        places, unit = _undo_calibration(group, path, places, writer)
+        places, unit = _undo_calibration(file[f"vision/{part}"], path, places, writer)
     drifted = int((np.isin(status, _LOST) & np.isfinite(places).all(axis=2)).sum())
     if drifted:
         writer.note(
@@ -66,15 +111,10 @@ def import_vision(
             "the last measurements where a point did not come back (observed = 2)"
         )
     places, seen = declare_tracks(
-        writer,
-        places,
-        path=path,
-        unit=unit,
-        status=_MARKS[status],
-        ids=_ids(group, places.shape[1]),
+        writer, places, path=path, unit=unit, status=_MARKS[status], ids=tracks.ids
     )
     writer.note(
-        f"times are those of that program, frame number / {fps:g} Hz: wrong for a "
+        f"times are those of that program, frame number / {tracks.fps:g} Hz: wrong for a "
         "recording with a variable rate"
     )
     writer.note("nothing says what drove the body")
@@ -101,7 +141,9 @@ def _undo_calibration(
     The normalised calibration divides x by the width and y by the height of the image, which
     distorts lengths and angles; multiplying puts them back into px.
     """
-    calibration = _json(group.attrs.get("calibration", "{}"), path)
+    calibration = json_object(
+        group.attrs.get("calibration", "{}"), path, "trajectories@calibration"
+    )
     kind = calibration.get("kind")
     if kind == "normalized":
         frame = calibration.get("frame_shape")
@@ -128,14 +170,21 @@ def _undo_calibration(
     return places, "arb"
 
 
-def _json(text: Any, path: Path) -> dict[str, Any]:
+def json_object(text: Any, path: Path, key: str) -> dict[str, Any]:
+    """Return the JSON object that an attribute holds.
+
+    Raises
+    ------
+    UnreadableFile
+        When it holds something else.
+    """
     text = text.decode("utf-8", errors="replace") if isinstance(text, bytes) else text
     try:
         data = json.loads(text)
     except (TypeError, ValueError, RecursionError):
         data = None
     if not isinstance(data, dict):
-        raise _wrong(path, "trajectories@calibration", f"{text!r}", "a JSON object")
+        raise _wrong(path, key, f"{text!r}", "a JSON object")
     return data
 
 

@@ -1,1 +1,1 @@
-"""From pixels to lengths."""
+"""From pixels to lengths: scale bars, planes, cameras, and pairs of cameras."""

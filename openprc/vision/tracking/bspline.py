@@ -37,6 +37,10 @@ _response = np.sqrt(3.0) * _POLE ** np.arange(REACH + 1)
 # The cut response, brought back to a sum of one: constant images stay what they are.
 _response /= _response[0] + 2.0 * _response[1:].sum()
 _TAPS = tuple(np.float32(value) for value in _response)
+#: Derivative, at a pixel, of the spline through the pixels around it: one weight for each.
+PIXEL_DERIVATIVE = 0.5 * np.convolve(
+    np.concatenate([_response[:0:-1], _response]), np.array([-1.0, 0.0, 1.0])
+)
 (_T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8, _T9, _T10, _T11, _T12) = _TAPS
 
 
@@ -131,6 +135,17 @@ def _weights(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         )
         / 6.0
     )
+
+
+def _noise_left(n: int = 64) -> NDArray[np.float64]:
+    whole = np.concatenate([_response[:0:-1], _response])
+    weights = _weights(np.linspace(0.0, 1.0, n + 1))
+    return np.array([(np.convolve(row, whole) ** 2).sum() for row in weights])
+
+
+#: Share of the variance of white noise that is left by interpolation in one direction, at
+#: 64 steps from one pixel to the next.
+NOISE_LEFT = _noise_left()
 
 
 class PreparedImage:

@@ -43,6 +43,8 @@ class KLTConfig:
         texture leaves that direction open (the aperture problem).
     reacquire : bool
         Look for lost points again in every frame.
+    search_radius : int [px]
+        How far from its expected position a lost point is looked for.
     neighbours : int
         Points around a point that say how it ought to move.
     consistency : float [px]
@@ -70,6 +72,7 @@ class KLTConfig:
     max_step: float | None = None
     max_sigma: float = 0.3
     reacquire: bool = True
+    search_radius: int = 10
     neighbours: int = 12
     consistency: float = 1.5
     key_quality: float = 0.5
@@ -106,7 +109,7 @@ class KLTConfig:
                 fix='take "icgn"; "none" is plain Lucas-Kanade',
                 key="refine",
             )
-        least = {"max_iterations": 1, "neighbours": 3}
+        least = {"max_iterations": 1, "search_radius": 0, "neighbours": 3}
         positive = ("epsilon", "fb_threshold", "max_offset", "max_sigma", "consistency")
         for name in (
             *least,

@@ -9,12 +9,12 @@ template and are computed once.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.vision.tracking.bspline import PreparedImage
+from openprc.vision.tracking.bspline import NOISE_LEFT, PreparedImage
 from openprc.vision.tracking.noise import estimate_noise
 from openprc.vision.tracking.refinement import Reason, Refined, RefineSettings
 from openprc.vision.tracking.subset_kernels import refine
@@ -29,6 +29,30 @@ __all__ = [
     "compose",
     "estimate_noise",
 ]
+
+
+#: Parameters that are free at first, and how many there may be once noise is weighed.
+_FREE = {"translation": (2, 0), "affine": (6, 0), "quadratic": (12, 0), "auto": (6, 12)}
+PENALTY_DEFORMATION = 6.0
+PENALTY_CURVATURE = 12.0
+
+
+class _Out(NamedTuple):
+    warps: NDArray[np.float64]
+    zncc: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    reason: NDArray[np.uint8]
+    iterations: NDArray[np.int32]
+
+
+def _answer(n: int) -> _Out:
+    return _Out(
+        np.empty((n, 6)),
+        np.empty(n),
+        np.empty((n, 2)),
+        np.empty(n, np.uint8),
+        np.empty(n, np.int32),
+    )
 
 
 def compose(parent_warps: NDArray[Any], warps: NDArray[Any]) -> NDArray[np.float64]:
@@ -70,61 +94,37 @@ class Correlator:
     ) -> Refined:
         """Find templates in an image, starting from guesses of their warps."""
         store, settings = self._templates, self.settings
-        ids = np.asarray(ids, np.intp)
+        ids = np.ascontiguousarray(ids, np.intp).reshape(-1)
         ids = np.where(ids < store.n, ids, -1)
         guesses = np.ascontiguousarray(warps, np.float64).reshape(-1, 6)
-        n = len(ids)
-        found = np.empty((n, 6))
-        zncc, rest, gain = np.empty(n), np.empty(n), np.empty(n)
-        reason, iterations = np.empty(n, np.uint8), np.empty(n, np.int32)
         image.require_all()
+        start, most = _FREE[settings.model]
+        out = _answer(len(ids))
         refine(
             image.coefficients,
             image.shape,
             ids,
             guesses,
-            store.values,
-            store.gradient_x,
-            store.gradient_y,
-            store.offset,
-            store.mean,
-            store.energy,
-            store.mean_jacobian,
-            store.value_jacobian,
-            store.hessian,
-            store.inverse,
-            settings.model == "translation",
-            settings.max_iterations,
-            settings.tolerance,
-            settings.max_shift,
-            found,
-            zncc,
-            rest,
-            gain,
-            reason,
-            iterations,
+            store.arrays,
+            (
+                start,
+                most,
+                settings.max_iterations,
+                settings.tolerance,
+                settings.max_shift,
+                PENALTY_DEFORMATION,
+                PENALTY_CURVATURE,
+            ),
+            NOISE_LEFT,
+            out,
         )
-        n_pixels = settings.subset**2
-        known = np.where(ids >= 0, ids, 0)
-        variance = rest / gain**2 / (n_pixels - 8)
         if store.n:
-            inverse = store.inverse[known]
-            sigma = np.sqrt(variance[:, None] * inverse[:, [0, 1], [0, 1]])
-            noise = store.noise[known]
+            known = np.where(ids >= 0, ids, 0)
+            noise, energy = store.noise[known], store.arrays.energy[known]
             gate = np.maximum(
-                settings.max_znssd, np.minimum(6.0 * noise**2 * n_pixels / store.energy[known], 1.0)
+                settings.max_znssd, np.minimum(6.0 * noise**2 * settings.subset**2 / energy, 1.0)
             )
             with np.errstate(invalid="ignore"):
-                reason[(reason == Reason.ACCEPTED) & ~(2.0 * (1.0 - zncc) <= gate)] = (
-                    Reason.BELOW_GATE
-                )
-        else:
-            sigma = np.full((n, 2), np.nan)
-        return Refined(
-            warps=found,
-            zncc=zncc,
-            sigma=sigma,
-            accepted=reason == Reason.ACCEPTED,
-            reason=reason,
-            iterations=iterations,
-        )
+                worse = ~(2.0 * (1.0 - out.zncc) <= gate)
+            out.reason[(out.reason == Reason.ACCEPTED) & worse] = Reason.BELOW_GATE
+        return Refined(accepted=out.reason == Reason.ACCEPTED, **out._asdict())

@@ -27,6 +27,8 @@ class FrameSearch:
     quality, sigma : (N,), (N, 2)
     template : (N,)
         The template by which each was found.
+    led : (N,)
+        Found from where Lucas-Kanade led, there and back.
     left : (N,)
         The last attempt ended because the subset leaves the image.
     """
@@ -40,6 +42,7 @@ class FrameSearch:
     quality: NDArray[np.float64] = field(init=False)
     sigma: NDArray[np.float64] = field(init=False)
     template: NDArray[np.intp] = field(init=False)
+    led: NDArray[np.bool_] = field(init=False)
     left: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -49,6 +52,7 @@ class FrameSearch:
         self.quality = np.full(n, np.nan)
         self.sigma = np.full((n, 2), np.nan)
         self.template = self.state.template.copy()
+        self.led = np.zeros(n, bool)
         self.left = np.zeros(n, bool)
 
     def attempt(

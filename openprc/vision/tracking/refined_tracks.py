@@ -23,6 +23,7 @@ from openprc.vision.tracking.predictor import FAST_STEP, PyramidalKLT, Step
 from openprc.vision.tracking.reacquisition import along_with_neighbours, carry
 from openprc.vision.tracking.status import Status
 from openprc.vision.tracking.track_steps import FrameTracks
+from openprc.vision.tracking.wide_search import wide_search
 
 if TYPE_CHECKING:
     from openprc.vision.source.frame import Frame
@@ -33,6 +34,8 @@ _RETURN_QUALITY = 0.85
 _FRESH, _LATE = 10, 10
 #: Frames between two looks back to the template of the reference frame.
 _LOOK_BACK = 5
+#: Lost points for which a larger surrounding is searched in one frame.
+_WIDE_AT_ONCE = 16
 
 
 class RefinedTracks:
@@ -54,7 +57,7 @@ class RefinedTracks:
         self._fresh = np.full(len(points), np.nan)
         self._age = np.zeros(len(points), np.intp)
         self._last_step = 0.0
-        self._before = frame.grey
+        self._before = self._reference = frame.grey
         without = ~state.tracked
         edge = without & self._beyond_edge(points, frame.grey.shape)
         state.status[edge] = Status.OOB
@@ -76,7 +79,7 @@ class RefinedTracks:
         if len(lost):
             carry(state, lost, before, search.warps[:, :2], search.found, self._neighbours)
             if self.config.reacquire:
-                self._reacquire(search, lost, frame.index)
+                self._reacquire(search, frame.grey, lost, frame.index)
             else:
                 search.found &= state.tracked
         drifted |= self._check_neighbours(search, before)
@@ -101,6 +104,7 @@ class RefinedTracks:
         guess = state.warps[live]
         guess[:, :2] = step.positions
         search.attempt(live[trusted], guess[trusted], steps_from=start[trusted])
+        search.led = search.found.copy()
         # Those that failed are looked for where the neighbours lead to, then where the
         # doubtful Lucas-Kanade led to, then where their own motion would have led to.
         for attempt in ("neighbours", "doubtful", "coasting"):
@@ -142,7 +146,13 @@ class RefinedTracks:
             getattr(merged, name)[rows] = getattr(other, name)[better]
         return merged
 
-    def _reacquire(self, search: FrameSearch, lost: NDArray[np.intp], index: int) -> None:
+    def _reacquire(
+        self,
+        search: FrameSearch,
+        grey: NDArray[np.uint8],
+        lost: NDArray[np.intp],
+        index: int,
+    ) -> None:
         """Look for lost points (n,) where they are expected."""
         state = self._state
         floor = _RETURN_QUALITY * np.nan_to_num(state.usual)
@@ -171,6 +181,30 @@ class RefinedTracks:
             coasting = state.warps[rest]
             coasting[:, :2] = state.coasting[rest]
             search.attempt(rest, coasting, floor=floor[rest])
+            self._search_widely(search, grey, rest[~search.found[rest]], index, floor)
+
+    def _search_widely(
+        self,
+        search: FrameSearch,
+        grey: NDArray[np.uint8],
+        lost: NDArray[np.intp],
+        index: int,
+        floor: NDArray[np.float64],
+    ) -> None:
+        """Search a larger surrounding for some of the lost points (n,), others next time."""
+        state = self._state
+        if len(lost) > _WIDE_AT_ONCE:
+            lost = np.roll(lost, -index * _WIDE_AT_ONCE)[:_WIDE_AT_ONCE]
+        deformation = gradients(state.warps[lost]) @ state.base[lost]
+        guess = wide_search(
+            self._reference,
+            grey,
+            state.reference[lost],
+            warps_at(state.warps[lost, :2], deformation),
+            size=self.config.refinement.subset,
+            radius=self.config.search_radius,
+        )
+        search.attempt(lost, guess, templates=state.first_template[lost], floor=floor[lost])
 
     def _check_neighbours(
         self, search: FrameSearch, before: NDArray[np.float64]
@@ -181,7 +215,7 @@ class RefinedTracks:
         suspects = out_of_line(
             before,
             search.warps[:, :2],
-            search.found,
+            search.found & state.tracked,
             self._neighbours,
             allowance=self.config.consistency,
         )
@@ -209,8 +243,8 @@ class RefinedTracks:
         elsewhere = np.linalg.norm(there.positions - own, axis=1) > 0.5
         moved = matches & elsewhere
         search.keep(suspects[moved], there, moved, templates[moved])
-        # A match nowhere near the neighbours' is believed of a point that was in sight.
-        astray = ~moved & ~matches & ~state.tracked[suspects]
+        # A match elsewhere than the neighbours' is believed where Lucas-Kanade led to it.
+        astray = ~matches & ~search.led[suspects]
         search.found[suspects[astray]] = False
         drifted[suspects[astray]] = True
         return drifted

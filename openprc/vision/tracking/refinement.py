@@ -13,7 +13,7 @@ from openprc.errors import ConfigError
 
 __all__ = ["Reason", "RefineSettings", "Refined"]
 
-Model = Literal["auto", "affine", "translation"]
+Model = Literal["auto", "quadratic", "affine", "translation"]
 
 
 class Reason(IntEnum):

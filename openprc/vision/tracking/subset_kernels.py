@@ -1,4 +1,13 @@
-"""The inner loops of subset matching."""
+"""The inner loops of subset matching.
+
+Twelve warp parameters in this order: px, py, a, b, c, d, and the curvatures xx, xy, yy of either
+coordinate. The point of a template at (dx, dy) from its tracked point is looked for at
+
+    x = px + (1 + a) dx + b dy + q0 dx² + q1 dx dy + q2 dy²
+    y = py + c dx + (1 + d) dy + q3 dx² + q4 dx dy + q5 dy²
+
+The first two, six or all twelve are free: translation, affine, quadratic.
+"""
 
 # ruff: noqa: TID253, ANN001, ANN201, ANN202 - compiled: types are those of the caller.
 
@@ -8,55 +17,69 @@ import numpy as np
 
 from openprc.vision.tracking.compiling import inner, kernel
 
+ACCEPTED, NO_TEMPLATE, LEFT_IMAGE, NOT_CONVERGED, BELOW_GATE, SINGULAR = range(6)
+#: Sums that `_measure` makes: of g, g², g f, and of g times every column of the Jacobian.
+N_SUMS = 15
+#: A window may not shrink to less than this share of its area: nothing of it would be left.
+_SMALLEST = 0.1
+
 _F = np.float32
 _SIXTH, _TWO_THIRDS, _HALF, _ONE = _F(1.0 / 6.0), _F(2.0 / 3.0), _F(0.5), _F(1.0)
 
 
 @inner
-def _measure(c, warp, f, gx, gy, offset, mean, g, sums):
-    """Sum over a window what the normal equations need, in one pass over the image."""
+def _sample(c, x, y, left, top):
+    """Interpolate at (left + x, top + y), two pixels of border into the coefficients."""
+    fx, fy = np.floor(x), np.floor(y)
+    p, q = left + int(fx) + 1, top + int(fy) + 1
+    u, v = x - fx, y - fy
+    a0, a3 = (_ONE - u) * (_ONE - u) * (_ONE - u) * _SIXTH, u * u * u * _SIXTH
+    a1 = _TWO_THIRDS - u * u * (_ONE - _HALF * u)
+    a2 = _ONE - a0 - a1 - a3
+    b0, b3 = (_ONE - v) * (_ONE - v) * (_ONE - v) * _SIXTH, v * v * v * _SIXTH
+    b1 = _TWO_THIRDS - v * v * (_ONE - _HALF * v)
+    b2 = _ONE - b0 - b1 - b3
+    r0 = c[q, p] * a0 + c[q, p + 1] * a1 + c[q, p + 2] * a2 + c[q, p + 3] * a3
+    q += 1
+    r1 = c[q, p] * a0 + c[q, p + 1] * a1 + c[q, p + 2] * a2 + c[q, p + 3] * a3
+    q += 1
+    r2 = c[q, p] * a0 + c[q, p + 1] * a1 + c[q, p + 2] * a2 + c[q, p + 3] * a3
+    q += 1
+    r3 = c[q, p] * a0 + c[q, p + 1] * a1 + c[q, p + 2] * a2 + c[q, p + 3] * a3
+    return r0 * b0 + r1 * b1 + r2 * b2 + r3 * b3
+
+
+@inner
+def _measure(c, warp, curved, store, t, g, sums):
+    """Sum over a window what the normal equations need, in one pass over the image.
+
+    Single precision inside of a row, with the template's mean taken off; rows add up in double.
+    """
+    f, gx, gy = store.values[t], store.gradient_x[t], store.gradient_y[t]
     side = f.shape[0]
+    mean = _F(store.mean[t])
     left, top = int(np.floor(warp[0])), int(np.floor(warp[1]))
     x0, y0 = _F(warp[0] - left), _F(warp[1] - top)
     xx, xy, yx, yy = _F(1.0 + warp[2]), _F(warp[3]), _F(warp[4]), _F(1.0 + warp[5])
-    ox, oy = _F(offset[0]), _F(offset[1])
-    for k in range(15):
+    q0, q1, q2 = _F(warp[6]), _F(warp[7]), _F(warp[8])
+    q3, q4, q5 = _F(warp[9]), _F(warp[10]), _F(warp[11])
+    ox, oy = _F(store.offset[t, 0]), _F(store.offset[t, 1])
+    for k in range(N_SUMS):
         sums[k] = 0.0
     for j in range(side):
         dy = oy + _F(j)
         xr, yr = x0 + xy * dy, y0 + yy * dy
-        for i in range(side):
-            dx = ox + _F(i)
-            x, y = xr + xx * dx, yr + yx * dx
-            fx, fy = np.floor(x), np.floor(y)
-            p, q = left + int(fx) + 1, top + int(fy) + 1
-            u, v = x - fx, y - fy
-            a0, a3 = (_ONE - u) * (_ONE - u) * (_ONE - u) * _SIXTH, u * u * u * _SIXTH
-            a1 = _TWO_THIRDS - u * u * (_ONE - _HALF * u)
-            a2 = _ONE - a0 - a1 - a3
-            b0, b3 = (_ONE - v) * (_ONE - v) * (_ONE - v) * _SIXTH, v * v * v * _SIXTH
-            b1 = _TWO_THIRDS - v * v * (_ONE - _HALF * v)
-            b2 = _ONE - b0 - b1 - b3
-            r0 = c[q, p] * a0 + c[q, p + 1] * a1 + c[q, p + 2] * a2 + c[q, p + 3] * a3
-            r1 = (
-                c[q + 1, p] * a0
-                + c[q + 1, p + 1] * a1
-                + c[q + 1, p + 2] * a2
-                + c[q + 1, p + 3] * a3
-            )
-            r2 = (
-                c[q + 2, p] * a0
-                + c[q + 2, p + 1] * a1
-                + c[q + 2, p + 2] * a2
-                + c[q + 2, p + 3] * a3
-            )
-            r3 = (
-                c[q + 3, p] * a0
-                + c[q + 3, p + 1] * a1
-                + c[q + 3, p + 2] * a2
-                + c[q + 3, p + 3] * a3
-            )
-            g[i] = r0 * b0 + r1 * b1 + r2 * b2 + r3 * b3 - mean
+        if curved:
+            xr, yr = xr + q2 * dy * dy, yr + q5 * dy * dy
+            xs, ys = xx + q1 * dy, yx + q4 * dy
+            for i in range(side):
+                dx = ox + _F(i)
+                x, y = xr + (xs + q0 * dx) * dx, yr + (ys + q3 * dx) * dx
+                g[i] = _sample(c, x, y, left, top) - mean
+        else:
+            for i in range(side):
+                dx = ox + _F(i)
+                g[i] = _sample(c, xr + xx * dx, yr + yx * dx, left, top) - mean
         s0 = s1 = s2 = u0 = u1 = u2 = v0 = v1 = v2 = _F(0.0)
         for i in range(side):
             dx = ox + _F(i)
@@ -64,174 +87,264 @@ def _measure(c, warp, f, gx, gy, offset, mean, g, sums):
             s0 += value
             s1 += value * value
             s2 += value * f[j, i]
-            t = value * gx[j, i]
-            u0 += t
-            t *= dx
-            u1 += t
-            u2 += t * dx
-            t = value * gy[j, i]
-            v0 += t
-            t *= dx
-            v1 += t
-            v2 += t * dx
+            part = value * gx[j, i]
+            u0 += part
+            part *= dx
+            u1 += part
+            u2 += part * dx
+            part = value * gy[j, i]
+            v0 += part
+            part *= dx
+            v1 += part
+            v2 += part * dx
         d = np.float64(dy)
         sums[0] += s0
         sums[1] += s1
         sums[2] += s2
         sums[3] += u0
-        sums[4] += u1
-        sums[5] += u0 * d
-        sums[6] += u2
-        sums[7] += u1 * d
-        sums[8] += u0 * d * d
-        sums[9] += v0
-        sums[10] += v1
-        sums[11] += v0 * d
+        sums[4] += v0
+        sums[5] += u1
+        sums[6] += u0 * d
+        sums[7] += v1
+        sums[8] += v0 * d
+        sums[9] += u2
+        sums[10] += u1 * d
+        sums[11] += u0 * d * d
         sums[12] += v2
         sums[13] += v1 * d
         sums[14] += v0 * d * d
 
 
 @inner
-def _inside(warp, offset, side, height, width):
+def _reach(warp, corner, side):
+    """Return first and last column and row of a warped window."""
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(4):
-        dx = offset[0] + (side - 1) * (k & 1)
-        dy = offset[1] + (side - 1) * (k >> 1)
+    for k in range(9):
+        dx = corner[0] + 0.5 * (side - 1) * (k % 3)
+        dy = corner[1] + 0.5 * (side - 1) * (k // 3)
         x = warp[0] + (1.0 + warp[2]) * dx + warp[3] * dy
         y = warp[1] + warp[4] * dx + (1.0 + warp[5]) * dy
+        x += warp[6] * dx * dx + warp[7] * dx * dy + warp[8] * dy * dy
+        y += warp[9] * dx * dx + warp[10] * dx * dy + warp[11] * dy * dy
         low_x, high_x = min(low_x, x), max(high_x, x)
         low_y, high_y = min(low_y, y), max(high_y, y)
+    return low_x, high_x, low_y, high_y
+
+
+@inner
+def _inside(warp, corner, side, height, width):
+    low_x, high_x, low_y, high_y = _reach(warp, corner, side)
+    # Single precision may put the outermost pixels a little further out.
     slack = 1e-4
     return (
-        low_x >= slack
-        and low_y >= slack
-        and high_x <= width - 1 - slack
-        and high_y <= height - 1 - slack
+        low_x >= -slack
+        and low_y >= -slack
+        and high_x <= width - 1 + slack
+        and high_y <= height - 1 + slack
     )
 
 
+@inner
+def _advance(warp, step, free):
+    """warp <- warp o step^-1, its curvature to first order; False where that is singular."""
+    det = (1.0 + step[2]) * (1.0 + step[5]) - step[3] * step[4]
+    if not det > _SMALLEST:
+        return False
+    ixx, ixy, iyx, iyy = (1.0 + step[5]) / det, -step[3] / det, -step[4] / det, (1.0 + step[2]) / det
+    ipx = -(ixx * step[0] + ixy * step[1])
+    ipy = -(iyx * step[0] + iyy * step[1])
+    wxx, wxy, wyx, wyy = 1.0 + warp[2], warp[3], warp[4], 1.0 + warp[5]
+    warp[0] += wxx * ipx + wxy * ipy
+    warp[1] += wyx * ipx + wyy * ipy
+    warp[2] = wxx * ixx + wxy * iyx - 1.0
+    warp[3] = wxx * ixy + wxy * iyy
+    warp[4] = wyx * ixx + wyy * iyx
+    warp[5] = wyx * ixy + wyy * iyy - 1.0
+    if free > 6:
+        for k in range(6, 9):
+            warp[k] -= wxx * step[k] + wxy * step[k + 3]
+            warp[k + 3] -= wyx * step[k] + wyy * step[k + 3]
+    return (1.0 + warp[2]) * (1.0 + warp[5]) - warp[3] * warp[4] > _SMALLEST
+
+
+@inner
+def _solve(inverse, b, free, step):
+    """Step of the first `free` parameters; return by how much it lowers the squared residual."""
+    explained = 0.0
+    for k in range(12):
+        step[k] = 0.0
+    for k in range(free):
+        total = 0.0
+        for m in range(free):
+            total += inverse[k, m] * b[m]
+        step[k] = total
+        explained += total * b[k]
+    return explained
+
+
+@inner
+def _significance(weight, values):
+    """Return v'Wv: for values that are noise of variance s², about s² times their number."""
+    total = 0.0
+    for k in range(len(values)):
+        for m in range(len(values)):
+            total += values[k] * weight[k, m] * values[m]
+    return total
+
+
+@inner
+def _kept(significance, variance, penalty):
+    """Share of parameters that is kept, by the positive part of the James-Stein estimator."""
+    return max(1.0 - penalty * variance / max(significance, 1e-300), 0.0)
+
+
+@inner
+def _cost(kept, significance, variance, n):
+    """Share of the variance of free parameters that stays, and of what was drawn off wrongly.
+
+    Of parameters drawn towards zero the noise goes, and a bias comes in its place. How large
+    it is follows from their significance, where that is more than noise often makes of it.
+    """
+    return kept + (1.0 - kept) ** 2 * max(significance / variance / n - 1.7, 0.0)
+
+
+@inner
+def _interpolated_noise(warp, corner, side, table):
+    """Share of white noise that interpolation leaves, on average over a window."""
+    total = 0.0
+    last = len(table) - 1
+    for k in range(16):
+        dx = corner[0] + (side - 1) * (k % 4) / 3.0
+        dy = corner[1] + (side - 1) * (k // 4) / 3.0
+        x = warp[0] + (1.0 + warp[2]) * dx + warp[3] * dy
+        y = warp[1] + warp[4] * dx + (1.0 + warp[5]) * dy
+        total += table[int((x - np.floor(x)) * last)] * table[int((y - np.floor(y)) * last)]
+    return total / 16.0
+
+
 @kernel
-def refine(
-    c,
-    shape,
-    ids,
-    guesses,
-    values,
-    gradient_x,
-    gradient_y,
-    offset,
-    mean,
-    energy,
-    mean_jacobian,
-    value_jacobian,
-    hessian,
-    inverse,
-    translation,
-    max_iterations,
-    tolerance,
-    max_shift,
-    warps,
-    zncc,
-    rest,
-    gain,
-    reason,
-    iterations,
-):
-    """Match templates, starting from guesses; `rest` is the residual's sum of squares."""
+def refine(c, shape, ids, guesses, store, options, table, out):
+    """Match templates, starting from guesses.
+
+    `options`: free parameters at first, free parameters that noise is weighed against (0: none),
+    iterations, tolerance [px], longest way [px], penalties of deformation and curvature.
+    """
+    start, most, max_iterations, tolerance, max_shift, penalty_a, penalty_q = options
     height, width = shape
-    side = values.shape[1]
+    side = store.values.shape[1]
     n_pixels = side * side
-    spread = 0.5 * side
     g = np.empty(side, np.float32)
-    sums = np.empty(15)
-    b = np.empty(6)
-    step = np.empty(6)
+    sums, b, step, warp = np.empty(N_SUMS), np.empty(12), np.empty(12), np.empty(12)
+    # Root mean square way of the window's pixels for a unit of each parameter.
+    way = np.ones(12)
+    way[2:6] = side / np.sqrt(12.0)
+    way[6:] = side**2 / np.sqrt(80.0)
+    way[7] = way[10] = side**2 / 12.0
     for n in range(len(ids)):
-        warp = warps[n]
-        for k in range(6):
-            warp[k] = guesses[n, k]
-        zncc[n] = rest[n] = gain[n] = np.nan
-        iterations[n] = 0
         t = ids[n]
+        warp[:6] = guesses[n]
+        warp[6:] = 0.0
+        out.warps[n] = guesses[n]
+        out.zncc[n] = np.nan
+        out.sigma[n] = np.nan
+        out.iterations[n] = 0
         if t < 0 or not np.isfinite(warp).all():
-            reason[n] = 1
+            out.reason[n] = NO_TEMPLATE
             continue
-        if translation:
-            warp[2:] = 0.0
-        if not _inside(warp, offset[t], side, height, width):
-            reason[n] = 2
+        free = start
+        if free == 2:
+            warp[2:6] = 0.0
+        corner = store.offset[t]
+        energy = store.energy[t]
+        out.reason[n] = NOT_CONVERGED
+        if not (1.0 + warp[2]) * (1.0 + warp[5]) - warp[3] * warp[4] > _SMALLEST:
+            out.reason[n] = SINGULAR
             continue
-        reason[n] = 3
-        before = np.inf
-        rate = 0.3
+        before, rate = np.inf, 0.3
         for iteration in range(max_iterations):
-            iterations[n] = iteration + 1
-            _measure(
-                c, warp, values[t], gradient_x[t], gradient_y[t], offset[t], _F(mean[t]), g, sums
-            )
-            product = sums[2]
+            if not _inside(warp, corner, side, height, width):
+                out.reason[n] = LEFT_IMAGE
+                break
+            out.iterations[n] = iteration + 1
+            _measure(c, warp, free > 6, store, t, g, sums)
             square = sums[1] - sums[0] * sums[0] / n_pixels
-            if not square > 1e-12 * energy[t]:
-                reason[n] = 4
+            product = sums[2]
+            if not square > 1e-10 * energy:
+                out.reason[n] = BELOW_GATE
                 break
-            scale = np.sqrt(square / energy[t])
-            for k in range(6):
-                # px, py, a, b, c, d from the order of the sums: 1, dx, dy of either gradient
-                m = (0, 6, 1, 2, 7, 8)[k]
-                b[k] = sums[3 + m] - sums[0] * mean_jacobian[t, m] - product * value_jacobian[t, m]
-            explained = 0.0
-            if translation:
-                hxx, hyy, hxy = hessian[t, 0, 0], hessian[t, 6, 6], hessian[t, 0, 6]
-                det = hxx * hyy - hxy * hxy
-                step[:] = 0.0
-                step[0] = (hyy * b[0] - hxy * b[1]) / det
-                step[1] = (hxx * b[1] - hxy * b[0]) / det
+            scale = np.sqrt(square / energy)
+            for k in range(12):
+                b[k] = (
+                    sums[3 + k]
+                    - sums[0] * store.mean_jacobian[t, k]
+                    - product * store.value_jacobian[t, k]
+                )
+            if free == 2:
+                explained = _solve(store.to_translation[t], b, 2, step)
+            elif free == 6:
+                explained = _solve(store.to_affine[t], b, 6, step)
             else:
-                for k in range(6):
-                    step[k] = 0.0
-                    for m in range(6):
-                        step[k] += inverse[t, k, m] * b[m]
-            for k in range(6):
-                explained += step[k] * b[k]
+                explained = _solve(store.to_quadratic[t], b, 12, step)
+            rest = max(square - product * product / energy - explained, 0.0)
+            out.zncc[n] = np.sqrt(max(1.0 - rest / square, 0.0)) * (1.0 if product > 0.0 else -1.0)
+            length = 0.0
+            for k in range(free):
                 step[k] /= scale
-            rest[n] = max(square - product * product / energy[t] - explained, 0.0)
-            gain[n] = scale
-            zncc[n] = np.sqrt(max(1.0 - rest[n] / square, 0.0))
-            if product < 0.0:
-                zncc[n] = -zncc[n]
-            # warp <- warp o step^-1
-            sxx, sxy, syx, syy = 1.0 + step[2], step[3], step[4], 1.0 + step[5]
-            det = sxx * syy - sxy * syx
-            if not det > 0.1:
-                reason[n] = 5
-                break
-            ixx, ixy, iyx, iyy = syy / det, -sxy / det, -syx / det, sxx / det
-            ipx = -(ixx * step[0] + ixy * step[1])
-            ipy = -(iyx * step[0] + iyy * step[1])
-            wxx, wxy, wyx, wyy = 1.0 + warp[2], warp[3], warp[4], 1.0 + warp[5]
-            warp[0] += wxx * ipx + wxy * ipy
-            warp[1] += wyx * ipx + wyy * ipy
-            warp[2] = wxx * ixx + wxy * iyx - 1.0
-            warp[3] = wxx * ixy + wxy * iyy
-            warp[4] = wyx * ixx + wyy * iyx
-            warp[5] = wyx * ixy + wyy * iyy - 1.0
-            if not (1.0 + warp[2]) * (1.0 + warp[5]) - warp[3] * warp[4] > 0.1:
-                reason[n] = 5
+                length += (way[k] * step[k]) ** 2
+            length = np.sqrt(length)
+            if not _advance(warp, step, free):
+                out.reason[n] = SINGULAR
                 break
             if np.hypot(warp[0] - guesses[n, 0], warp[1] - guesses[n, 1]) > max_shift:
                 break
-            if not _inside(warp, offset[t], side, height, width):
-                reason[n] = 2
-                break
-            length = np.sqrt(
-                step[0] ** 2
-                + step[1] ** 2
-                + spread**2 / 3.0 * (step[2] ** 2 + step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
-            )
             if iteration > 0:
                 rate = min(length / before, 0.9)
             before = length
-            if length * rate / (1.0 - rate) < tolerance:
-                reason[n] = 0
-                break
+            if length * rate / (1.0 - rate) > tolerance:
+                continue
+            # What is left after this step is within the tolerance. Is a richer warp called for?
+            if free == 6 and most == 12:
+                explained = _solve(store.to_quadratic[t], b, 12, step)
+                rest = max(square - product * product / energy - explained, 0.0)
+                variance = rest / (n_pixels - 14)
+                if _significance(store.weight_q[t], step[6:]) > penalty_q * variance:
+                    free = 12
+                    before, rate = np.inf, 0.3
+                    continue
+            out.reason[n] = ACCEPTED
+            break
+        out.warps[n] = warp[:6]
+        if out.reason[n] != ACCEPTED:
+            continue
+        # Noise of the residual, in grey levels of the template: that of the template and that of
+        # the image, of which interpolation has left a part, over the gain.
+        variance = rest / scale**2 / (n_pixels - 2 - free)
+        left = _interpolated_noise(warp, corner, side, table)
+        variance *= (1.0 + 1.0 / scale**2) / (1.0 + left / scale**2)
+        variance = max(variance, store.floor[t])
+        cost_a, cost_q = 1.0, 1.0
+        if most:
+            if free == 12:
+                significance = _significance(store.weight_q[t], warp[6:])
+                kept = _kept(significance, variance, penalty_q)
+                cost_q = _cost(kept, significance, variance, 6)
+                for k in range(6):
+                    for m in range(6):
+                        warp[k] += (1.0 - kept) * store.pull_q[t, k, m] * warp[6 + m]
+            significance = _significance(store.weight_a[t], warp[2:6])
+            kept = _kept(significance, variance, penalty_a)
+            cost_a = _cost(kept, significance, variance, 4)
+            for k in range(2):
+                for m in range(4):
+                    warp[k] += (1.0 - kept) * store.pull_a[t, k, m] * warp[2 + m]
+            for m in range(2, 6):
+                warp[m] *= kept
+            out.warps[n] = warp[:6]
+        for k in range(2):
+            v = store.variance[t]
+            total = v[0, k]
+            if free > 2:
+                total += cost_a * (v[1, k] - v[0, k])
+            if free > 6:
+                total += cost_q * (v[2, k] - v[1, k])
+            out.sigma[n, k] = np.sqrt(variance * total)

@@ -2,152 +2,181 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.vision.tracking.bspline import BORDER, PreparedImage
+from openprc.vision.tracking.bspline import BORDER, PIXEL_DERIVATIVE, PreparedImage
 from openprc.vision.tracking.noise import local_noise
+from openprc.vision.tracking.uncertainty import Normal, normal_equations
 
-__all__ = ["TemplateStore"]
+__all__ = ["TemplateArrays", "TemplateStore"]
 
-#: Sum of the squares of the gradient filter: variance of the gradient in white noise of one.
-#: Across: (1 - z-transform) of the spline's derivative at the pixels, computed below.
-_MARGIN = 2
+#: Derivative of a Gaussian of 0.7 px, and the Gaussian across. Noise of the gradient is noise
+#: of the position, so the gradient by which differences are weighed is a smoothed one.
+_TAPS = np.arange(-2, 3)
+_ACROSS = np.exp(-(_TAPS**2) / (2.0 * 0.7**2))
+_ACROSS /= _ACROSS.sum()
+_ALONG = _TAPS * _ACROSS
+_ALONG /= (_TAPS * _ALONG).sum()
+#: What white noise of variance one adds to the mean square of the smoothed gradient, and to
+#: the mean product of the smoothed and the exact one.
+SMOOTH_NOISE = float((_ALONG**2).sum() * (_ACROSS**2).sum())
+MIXED_NOISE = float(_ACROSS[2] * (_ALONG * PIXEL_DERIVATIVE[_TAPS + len(PIXEL_DERIVATIVE) // 2]).sum())
+
+
+class TemplateArrays(NamedTuple):
+    """Template data as the kernels want them: one row for each template."""
+
+    values: NDArray[np.float32]
+    gradient_x: NDArray[np.float32]
+    gradient_y: NDArray[np.float32]
+    offset: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    floor: NDArray[np.float64]
+    mean_jacobian: NDArray[np.float64]
+    value_jacobian: NDArray[np.float64]
+    to_translation: NDArray[np.float64]
+    to_affine: NDArray[np.float64]
+    to_quadratic: NDArray[np.float64]
+    weight_a: NDArray[np.float64]
+    weight_q: NDArray[np.float64]
+    pull_a: NDArray[np.float64]
+    pull_q: NDArray[np.float64]
+    variance: NDArray[np.float64]
+
+
+def _windows(
+    field: NDArray[np.generic], corner: NDArray[np.int64], side: int, margin: int = 0
+) -> NDArray[np.float64]:
+    around = np.arange(-margin, side + margin)
+    rows = corner[:, 1, None, None] + around[:, None]
+    columns = corner[:, 0, None, None] + around
+    return field[rows, columns].astype(np.float64)
 
 
 class TemplateStore:
-    """Template data in arrays that grow.
-
-    The values f of a window, their gradient, and for the warp parameters (px, py, a, b, c, d)
-    the Hessian of the normalised differences with gain and offset projected out
-    (Baker & Matthews 2004, doi:10.1023/B:VISI.0000011205.11775.fd).
-    """
+    """Templates, numbered in the order in which they came."""
 
     def __init__(self, subset: int) -> None:
         self.subset = subset
         self.n = 0
-        side = subset
-        self.values = np.empty((0, side, side), np.float32)
-        self.gradient_x = np.empty((0, side, side), np.float32)
-        self.gradient_y = np.empty((0, side, side), np.float32)
-        self.offset = np.empty((0, 2))  # first pixel of the window, from the tracked point
-        self.points = np.empty((0, 2))
-        self.mean = np.empty(0)
-        self.energy = np.empty(0)  # sum of (f - mean)^2
+        s = subset
+        shapes: dict[str, tuple[int, ...]] = {
+            "values": (s, s),
+            "gradient_x": (s, s),
+            "gradient_y": (s, s),
+            "offset": (2,),
+            "mean": (),
+            "energy": (),
+            "floor": (),
+            "mean_jacobian": (12,),
+            "value_jacobian": (12,),
+            "to_translation": (2, 2),
+            "to_affine": (6, 6),
+            "to_quadratic": (12, 12),
+            "weight_a": (4, 4),
+            "weight_q": (6, 6),
+            "pull_a": (2, 4),
+            "pull_q": (6, 6),
+            "variance": (3, 2),
+        }
+        single = ("values", "gradient_x", "gradient_y")
+        self.arrays = TemplateArrays(
+            **{
+                name: np.empty((0, *shape), np.float32 if name in single else np.float64)
+                for name, shape in shapes.items()
+            }
+        )
         self.noise = np.empty(0)
-        self.mean_jacobian = np.empty((0, 12))
-        self.value_jacobian = np.empty((0, 12))  # sum of J f, over the energy
-        self.hessian = np.empty((0, 12, 12))
-        self.inverse = np.empty((0, 6, 6))
-
-    _NAMES = (
-        "values",
-        "gradient_x",
-        "gradient_y",
-        "offset",
-        "points",
-        "mean",
-        "energy",
-        "noise",
-        "mean_jacobian",
-        "value_jacobian",
-        "hessian",
-        "inverse",
-    )
 
     def _reserve(self, n: int) -> None:
-        if n <= len(self.mean):
+        room = len(self.noise)
+        if n <= room:
             return
-        room = max(n, 2 * len(self.mean))
-        for name in self._NAMES:
-            old = getattr(self, name)
-            new = np.empty((room, *old.shape[1:]), old.dtype)
-            new[: self.n] = old[: self.n]
-            setattr(self, name, new)
+        more = max(n, 2 * room) - room
+        self.arrays = TemplateArrays(
+            *(
+                np.concatenate([old, np.empty((more, *old.shape[1:]), old.dtype)])
+                for old in self.arrays
+            )
+        )
+        self.noise = np.concatenate([self.noise, np.empty(more)])
 
     def add(self, image: PreparedImage, points: NDArray[np.float64]) -> NDArray[np.intp]:
         """Cut out the windows around points; -1 where that cannot be done."""
         ids = np.full(len(points), -1, np.intp)
-        half = self.subset // 2
+        side = self.subset
         height, width = image.shape
+        corner = np.rint(points) - side // 2
         with np.errstate(invalid="ignore"):
-            corner = np.rint(points) - half
-            inside = (
-                np.isfinite(points).all(axis=1)
-                & (corner >= 0).all(axis=1)
-                & (corner + self.subset <= (width, height)).all(axis=1)
-            )
+            inside = (corner >= 0).all(axis=1) & (corner + side <= (width, height)).all(axis=1)
         candidates = np.flatnonzero(inside)
         if not candidates.size:
             return ids
         points, corner = points[candidates], corner[candidates].astype(np.int64)
-        last = corner + self.subset
-        image.require(
-            np.stack([corner[:, 0] - 2, last[:, 0] + 1, corner[:, 1] - 2, last[:, 1] + 1], axis=1)
-        )
-        around = np.arange(-1, self.subset + 1)
-        c = image.coefficients[
-            corner[:, 1, None, None] + around[:, None] + BORDER,
-            corner[:, 0, None, None] + around + BORDER,
-        ].astype(np.float64)
-        smooth_y = (c[:, :-2] + 4.0 * c[:, 1:-1] + c[:, 2:]) / 6.0
-        smooth_x = (c[:, :, :-2] + 4.0 * c[:, :, 1:-1] + c[:, :, 2:]) / 6.0
-        gradient_x = (smooth_y[:, :, 2:] - smooth_y[:, :, :-2]) / 2.0
-        gradient_y = (smooth_x[:, 2:] - smooth_x[:, :-2]) / 2.0
-        inner = np.arange(self.subset)
-        f = image.intensity[
-            corner[:, 1, None, None] + inner[:, None], corner[:, 0, None, None] + inner
-        ].astype(np.float64)
+        f = _windows(image.intensity, corner, side)
         mean = f.mean(axis=(1, 2))
         f -= mean[:, None, None]
-        energy = np.einsum("nji,nji->n", f, f)
-        offset = corner - points
         noise = local_noise(f)
-
-        n_pixels = self.subset**2
-        dx = (offset[:, 0, None] + inner)[:, None, :] * np.ones((1, self.subset, 1))
-        dy = (offset[:, 1, None] + inner)[:, :, None] * np.ones((1, 1, self.subset))
-        powers = np.stack([np.ones_like(dx), dx, dy, dx * dx, dx * dy, dy * dy], axis=1)
-        jacobian = np.concatenate(
-            [gradient_x[:, None] * powers, gradient_y[:, None] * powers], axis=1
-        ).reshape(len(f), 12, n_pixels)
-        flat = f.reshape(len(f), n_pixels, 1)
-        mean_jacobian = jacobian.mean(axis=2)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            value_jacobian = (jacobian @ flat)[:, :, 0] / energy[:, None]
-            hessian = (
-                jacobian @ jacobian.transpose(0, 2, 1)
-                - n_pixels * mean_jacobian[:, :, None] * mean_jacobian[:, None, :]
-                - energy[:, None, None] * value_jacobian[:, :, None] * value_jacobian[:, None, :]
-            )
-        affine = np.array([0, 6, 1, 2, 7, 8])
-        small = hessian[:, affine[:, None], affine]
-        good = np.isfinite(hessian).all(axis=(1, 2)) & np.isfinite(energy) & (energy > 0.0)
-        scale = np.sqrt(np.einsum("nii->ni", np.where(good[:, None, None], small, 1.0)))
-        good &= (scale > 0.0).all(axis=1)
-        scaled = np.where(good[:, None, None], small, np.eye(6)) / np.where(
-            good[:, None, None], scale[:, :, None] * scale[:, None, :], 1.0
-        )
-        good &= np.linalg.eigvalsh(scaled)[:, 0] > 1e-6
-        keep = np.flatnonzero(good)
-        inverse = np.linalg.inv(small[keep])
+        normal = self._normal(image, corner, points, f, noise)
+        keep = np.flatnonzero(normal.good)
         slots = np.arange(self.n, self.n + keep.size)
         self._reserve(self.n + keep.size)
-        for name, value in (
-            ("values", f),
-            ("gradient_x", gradient_x),
-            ("gradient_y", gradient_y),
-            ("offset", offset),
-            ("points", points),
-            ("mean", mean),
-            ("energy", energy),
-            ("noise", noise),
-            ("mean_jacobian", mean_jacobian),
-            ("value_jacobian", value_jacobian),
-            ("hessian", hessian),
-        ):
-            getattr(self, name)[slots] = value[keep]
-        self.inverse[slots] = inverse
+        # Rounding to whole grey levels is noise too, even where there is no other.
+        floor = 1.0 / 12.0 if image.intensity.dtype.kind in "ui" else 0.0
+        self.arrays.offset[slots] = (corner - points)[keep]
+        self.arrays.values[slots] = f[keep]
+        self.arrays.mean[slots] = mean[keep]
+        self.arrays.floor[slots] = floor
+        self.noise[slots] = noise[keep]
+        for name in Normal._fields:
+            if name != "good":
+                getattr(self.arrays, name)[slots] = getattr(normal, name)[keep]
         self.n += keep.size
         ids[candidates[keep]] = slots
         return ids
+
+    def _normal(
+        self,
+        image: PreparedImage,
+        corner: NDArray[np.int64],
+        points: NDArray[np.float64],
+        f: NDArray[np.float64],
+        noise: NDArray[np.float64],
+    ) -> Normal:
+        side = self.subset
+        image.require(
+            np.concatenate([corner - 3, corner + side + 3], axis=1)[:, [0, 2, 1, 3]]
+        )
+        c = _windows(image.coefficients, corner + BORDER, side, margin=1)
+        inner = slice(1, -1)
+        across_y = (c[:, :-2] + 4.0 * c[:, inner] + c[:, 2:]) / 6.0
+        across_x = (c[:, :, :-2] + 4.0 * c[:, :, inner] + c[:, :, 2:]) / 6.0
+        exact = (
+            (across_y[:, :, 2:] - across_y[:, :, :-2]) / 2.0,
+            (across_x[:, 2:] - across_x[:, :-2]) / 2.0,
+        )
+        # Mirrored where the window touches the edge of the image.
+        height, width = image.shape
+        around = np.arange(-2, side + 2)
+        rows, columns = corner[:, 1, None] + around, corner[:, 0, None] + around
+        rows = (height - 1) - np.abs((height - 1) - np.abs(rows))
+        columns = (width - 1) - np.abs((width - 1) - np.abs(columns))
+        pixels = image.intensity[rows[:, :, None], columns[:, None, :]].astype(np.float64)
+        wide = np.lib.stride_tricks.sliding_window_view(pixels, 5, axis=2)
+        tall_smooth = np.lib.stride_tricks.sliding_window_view(wide @ _ACROSS, 5, axis=1)
+        tall_slope = np.lib.stride_tricks.sliding_window_view(wide @ _ALONG, 5, axis=1)
+        smooth = (tall_slope @ _ACROSS, tall_smooth @ _ALONG)
+        offset = corner - points
+        return normal_equations(
+            f,
+            smooth=smooth,
+            exact=exact,
+            offset=offset,
+            noise=noise,
+            smooth_noise=SMOOTH_NOISE,
+            mixed_noise=MIXED_NOISE,
+        )

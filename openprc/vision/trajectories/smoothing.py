@@ -76,8 +76,8 @@ def smooth(
     -----
     An average of M frames at the rate F passes a sinusoid of frequency f with the gain
     ``sin(pi f M / F) / (M sin(pi f / F))``: 5 frames leave 0.647 of a motion at F/10 and nothing
-    at F/5. The polynomial of order 2 over 5 frames leaves 0.96 of the first and 0.59 of the
-    second, and a third of the variance of white noise more (17/35 against 1/5).
+    at F/5. The polynomial of order 2 over 5 frames leaves 0.988 and 0.836 of them, and 17/35 of
+    the variance of white noise where the average leaves 1/5.
 
     References
     ----------
@@ -150,8 +150,10 @@ class _Windows:
         spread = None if sigma is None else np.array(sigma, dtype=np.float64)
         variance = None if spread is None else spread**2
         moved = present & (reach > 0)
-        for half, ahead in sorted(set(zip(reach[moved], lead[moved], strict=True))):
-            frame, node = np.nonzero(moved & (reach == half) & (lead == ahead))
+        kinds = np.where(moved, reach * (2 * reach.max(initial=0) + 1) + lead, -1)
+        for kind in np.unique(kinds[moved]):
+            frame, node = np.nonzero(kinds == kind)
+            half, ahead = reach[frame[0], node[0]], lead[frame[0], node[0]]
             weights = self._weights(int(half), int(ahead))
             sums = np.zeros((len(frame), positions.shape[2]))
             squares = np.zeros_like(sums)
