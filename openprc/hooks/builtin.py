@@ -18,6 +18,53 @@ OPENPRC_PLUGIN_API = "1.0"
 
 _FEATURES = "openprc.reservoir.features."
 
+#: Options of the producer ``vision``; `openprc.vision.import_settings` reads them.
+_VISION_OPTIONS = (
+    OptionSpec("detector", "How points are found: shi-tomasi, sift, orb, akaze, or your own",
+               default="shi-tomasi"),
+    OptionSpec("max_points", "Most points to track", kind="int", default=100),
+    OptionSpec("spacing", "Least distance between detected points in px; half a window",
+               kind="float"),
+    OptionSpec("points", "CSV of x,y in px to track instead of detected points", kind="path"),
+    OptionSpec("mask", "Image, white where points may be detected", kind="path"),
+    OptionSpec("reference_frame", "Frame in which points are placed, from 0", kind="int",
+               default=0),
+    OptionSpec("refine", "icgn: sub-pixel matching to a template; none: plain Lucas-Kanade",
+               default="icgn", choices=("icgn", "none")),
+    OptionSpec("subset", "Side of the matched window in px, odd", kind="int", default=21),
+    OptionSpec("model", "What a window may do: auto, quadratic, affine, translation",
+               default="auto", choices=("auto", "quadratic", "affine", "translation")),
+    OptionSpec("win_size", "Side of the Lucas-Kanade window in px", kind="int", default=21),
+    OptionSpec("levels", "Pyramid levels above the full image, or auto", default="auto"),
+    OptionSpec("fb_threshold", "Largest forward-backward distance in px", kind="float",
+               default=0.2),
+    OptionSpec("fps", "Frames per second, instead of the container's times", kind="float"),
+    OptionSpec("value_range", "LOW,HIGH of recordings deeper than 8 bits"),
+    OptionSpec("strict", "Refuse damaged recordings instead of noting it", kind="bool",
+               default=False),
+    OptionSpec("calibration", "File of openprc calibrate, or of OpenCV", kind="path"),
+    OptionSpec("scale_bar", "x1,y1,x2,y2,LENGTH UNIT: two points in px a known length apart"),
+    OptionSpec("y_up", "Turn the y axis of the calibration up", kind="bool", default=False),
+    OptionSpec("stabilise", "Take off what still points show the camera to have moved",
+               kind="bool", default=False),
+    OptionSpec("min_ratio", "Leave out points found in a smaller fraction of the frames",
+               kind="float", default=0.0),
+    OptionSpec("moving", "Leave out points whose motion is below so many sigma; 0: none",
+               kind="float", default=0.0),
+    OptionSpec("max_gap", "Fill gaps of up to so many frames, marked as filled", kind="int",
+               default=0),
+    OptionSpec("smooth", "Savitzky-Golay window in frames, odd; 0: none", kind="int", default=0),
+    OptionSpec("rate", "Resample to an even clock of so many Hz", kind="float"),
+    OptionSpec("bars", "CSV of pairs of points whose distance becomes a bar", kind="path"),
+    OptionSpec("drive", "CSV of what drove the body", kind="path"),
+    OptionSpec("drive_hold", "Duration of a symbol of the drive in s", kind="float"),
+    OptionSpec("drive_start", "When the drive begins, in s after the first frame", kind="float"),
+    OptionSpec("drive_unit", "Unit of the drive"),
+    OptionSpec("drive_quantity", "What was prescribed, such as force or voltage"),
+    OptionSpec("drive_marker", "Number or x,y of a point whose displacement is the input"),
+    OptionSpec("keep_marker", "The marker is a node, too", kind="bool", default=False),
+)  # fmt: skip
+
 
 @hookimpl
 def openprc_producers() -> list[ProducerSpec]:
@@ -44,25 +91,15 @@ def openprc_producers() -> list[ProducerSpec]:
         ),
         ProducerSpec(
             name="vision",
-            summary="Video: points detected in the first frame and tracked by optical flow",
+            summary="Video: points tracked to hundredths of a pixel, with quality and one-sigma",
             load="openprc.vision.producer:VisionProducer",
             capabilities=("import",),
-            suffixes=(".avi", ".mp4", ".mkv", ".mov", ".mpg", ".mpeg", ".webm", ".m4v"),
+            suffixes=(".avi", ".mp4", ".mkv", ".mov", ".mpg", ".mpeg", ".webm", ".m4v", ".y4m",
+                      ".wmv", ".ts", ".cih", ".mraw"),
             needs={"import": ("cv2",)},
             install="pip install opencv-python-headless",
             dims=(2,),
-            options=(
-                OptionSpec("detector", "How points are found in the first frame",
-                           default="shi-tomasi", choices=("shi-tomasi", "sift", "orb", "akaze")),
-                OptionSpec("fps", "Frames per second, instead of the container's times",
-                           kind="float"),
-                OptionSpec("max_points", "Most points to track", kind="int", default=100),
-                OptionSpec("points", "CSV of x,y in px to track instead", kind="path"),
-                OptionSpec("win_size", "Side of the tracking window in px", kind="int", default=21),
-                OptionSpec("levels", "Pyramid levels above the full image", kind="int", default=3),
-                OptionSpec("fb_threshold", "Largest forward-backward distance in px", kind="float",
-                           default=1.0),
-            ),
+            options=_VISION_OPTIONS,
             sample="openprc.vision.samples:write_sample",
         ),
     ]  # fmt: skip
@@ -195,9 +232,9 @@ def openprc_benchmarks() -> list[BenchmarkSpec]:
 def openprc_detectors() -> list[DetectorSpec]:
     """Point detectors of OpenCV."""
     rows = (
-        ("shi-tomasi", "Corners by the smaller eigenvalue", "ShiTomasi"),
+        ("gftt", "Corners by the smaller eigenvalue (Shi-Tomasi)", "ShiTomasi"),
         ("sift", "Scale-invariant blobs", "Sift"),
         ("orb", "Oriented FAST corners", "Orb"),
         ("akaze", "Blobs in a nonlinear scale space", "Akaze"),
     )
-    return [DetectorSpec(n, s, f"openprc.vision.detectors:{c}") for n, s, c in rows]
+    return [DetectorSpec(n, s, f"openprc.vision.detection.detectors:{c}") for n, s, c in rows]

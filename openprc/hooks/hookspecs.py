@@ -122,7 +122,7 @@ def openprc_detectors() -> Iterable[DetectorSpec]:
     ::
 
         return [DetectorSpec(name="orb", summary="Oriented FAST corners",
-                             load="openprc.vision.detectors:Orb")]
+                             load="openprc.vision.detection.detectors:Orb")]
     """
     raise NotImplementedError
 

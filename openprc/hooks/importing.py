@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,7 @@ def import_file(
     trust: bool = False,
     overwrite: bool = False,
     registry: Registry | None = None,
+    configure: Callable[[Any], None] | None = None,
 ) -> ProducedRun:
     """Import a file or folder of another program.
 
@@ -82,6 +83,8 @@ def import_file(
         Pickles may be read: the caller knows where the file comes from.
     overwrite : bool
         Replace `out`; never what is imported.
+    configure : callable, optional
+        Given the importer before it reads, to connect a progress bar for example.
 
     Raises
     ------
@@ -103,6 +106,8 @@ def import_file(
     item = choice.item
     values = resolve_options(item.spec, options or {}, trust=trust)
     importer = registry.load(item, capability="import")
+    if configure is not None:
+        configure(importer)
     config = {k: _nameless(v) for k, v in values.items() if v not in (None, ())}
     provenance = provenance_of(item, config=config)
     findings: list[Finding] = []

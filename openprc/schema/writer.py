@@ -245,6 +245,10 @@ class TrajectoryWriter(Declarations):
         words = " ".join(text.split())
         self._notes.append(storable(words, key="/provenance/notes", file=self.path))
 
+    def keep(self) -> None:
+        """Keep what was appended, even where failures are discarded: the run worked so far."""
+        self._on_failure = "keep"
+
     @property
     def notes(self) -> tuple[str, ...]:
         """The remarks made so far."""

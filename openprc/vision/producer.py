@@ -1,199 +1,261 @@
-"""The producer ``vision``: a video becomes a planar trajectory in pixels."""
+"""The producer ``vision``: a video becomes a planar trajectory that says how good it is."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import ConfigError, MissingData, UnreadableFile
-from openprc.schema import safety
-from openprc.vision.detectors import DETECTORS
-from openprc.vision.old_klt import LucasKanade
-from openprc.vision.video import Video, container, frame_times
+from openprc.errors import ConfigError, MissingData
+from openprc.vision.import_settings import ImportSettings
 
 if TYPE_CHECKING:
     from openprc.schema import TrajectoryWriter
+    from openprc.vision.source.video_source import VideoSource
+    from openprc.vision.tracking.result import TrackingResult
 
-SUFFIXES = (".avi", ".mp4", ".m4v", ".mkv", ".webm", ".mov", ".mpg", ".mpeg")
+
+@dataclass(frozen=True)
+class TrackedVideo:
+    """What an import leaves in the hands of its caller, beside the file.
+
+    Attributes
+    ----------
+    source : VideoSource
+    result : TrackingResult
+        All points as they were measured [px], one row a frame, mapped from a nameless file
+        that goes with the object.
+    calibration : object or None
+    nodes : (n,) int
+        The points that became nodes.
+    figures : dict
+        Of the whole run, as plain values.
+    """
+
+    source: VideoSource
+    result: TrackingResult
+    calibration: Any
+    nodes: NDArray[np.intp]
+    figures: dict[str, Any] = field(default_factory=dict)
 
 
 class VisionProducer:
     """Tracks points through a video (capability ``import``).
 
-    Options: ``detector`` and ``max_points``, or ``points`` (a CSV file of x, y in px of the
-    first frame); ``win_size``, ``levels`` and ``fb_threshold`` of
-    `openprc.vision.old_klt.LucasKanade`; ``fps`` where the container does not know the rate
-    of the camera. The tracks of all frames are held in memory, the images are not.
+    The options are those of `openprc.vision.import_settings.ImportSettings`. Memory does not
+    grow with the length of the video, but for ``stabilise``, which looks at all points of all
+    frames. On Ctrl-C what was tracked so far is written, and kept as the unfinished file that
+    ``openprc repair`` makes whole.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Called as ``progress(done, total)`` with the frames done and declared (None where the
+        number is not known).
+    tracked : TrackedVideo or None
+        The last import.
     """
 
+    def __init__(self) -> None:
+        self.progress: Callable[[int, int | None], None] | None = None
+        self.tracked: TrackedVideo | None = None
+
     def sniff(self, path: Path) -> float:
-        """Return 0.7 for the leading bytes of a video container, 0.3 for the name alone."""
-        path = Path(path)
-        try:
-            if path.is_file() and container(path) is not None:
-                return 0.7
-        except OSError:
-            return 0.0
-        return 0.3 if path.suffix.lower() in SUFFIXES else 0.0
+        """Return 0.7 for what begins like a video, 0.3 for the name alone; see `sniff_video`."""
+        from openprc.vision.source.sniffing import sniff_video  # noqa: PLC0415 - kept light
+
+        return sniff_video(Path(path))
 
     def import_run(
         self, path: Path, writer: TrajectoryWriter, *, options: Mapping[str, Any]
     ) -> None:
-        """Track `path` and write node positions (T, N, 2) [px] with the observed mask.
+        """Track `path` and write node positions (T, N, 2) with mask, quality and sigma.
 
         Raises
         ------
         UnreadableFile
-            Not a video, or one that delivers no frame.
-        MissingData
-            No point is found in the first frame.
+            Not a video, or one that delivers no frame (`VideoError`).
+        NoFeaturesError
+            No point is found in the reference frame.
+        CalibrationError
+            The calibration does not fit the recording.
         ConfigError
-            An option is out of range, or no frame rate is known.
+            An option is out of range, does not fit the video, or no frame rate is known.
+        MissingData
+            No point is left to be written.
         """
-        tracker = LucasKanade(
-            win_size=int(_option(options, "win_size", 21)),
-            levels=int(_option(options, "levels", 3)),
-            fb_threshold=float(_option(options, "fb_threshold", 1.0)),
-        )
-        fps = options.get("fps")
-        if fps is not None and not (np.isfinite(fps) and fps > 0):
-            raise ConfigError(
-                f"fps is {fps}", expected="a positive number [Hz]", fix="leave it out", key="fps"
-            )
-        video = Video.open(Path(path))
-        tracks: list[NDArray[np.float64]] = []
-        stamps: list[float] = []
-        previous: NDArray[np.uint8] | None = None
-        for image, stamp in video.frames():
-            tracks.append(
-                _start(image, video.path, writer, options)
-                if previous is None
-                else tracker.step(previous, image, tracks[-1])
-            )
-            stamps.append(stamp)
-            previous = image
-        if previous is None:
-            raise UnreadableFile(
-                f"the video (codec {video.codec}) opens but delivers no frame",
-                expected="frames that the installed OpenCV can decode",
-                fix="convert it, for example to MJPG or H.264, or install another OpenCV",
+        # Kept light: the package is listed without OpenCV or compilers.
+        from openprc.vision.finished_tracks import FinishedTracks  # noqa: PLC0415
+        from openprc.vision.finished_tracks import PointFigures, chosen_points  # noqa: PLC0415
+        from openprc.vision.source.opening import open_source  # noqa: PLC0415
+        from openprc.vision.track_writing import write_tracks  # noqa: PLC0415
+
+        self.tracked = None
+        settings = ImportSettings.from_options(options)
+        with open_source(
+            path, fps=settings.fps, strict=settings.strict, value_range=settings.value_range
+        ) as source:
+            calibration, notes = settings.mapping(source.shape)
+            _check_drive(settings, source)
+            start = _start(source, settings, path=Path(path))
+            bars = None
+            if settings.bars is not None:
+                from openprc.vision.start_points import read_bars  # noqa: PLC0415 - on demand
+
+                bars = read_bars(settings.bars, len(start.places))
+            run = _follow(source, start.places, settings, writer.path.parent, self.progress)
+        for option in ("points", "mask", "bars", "calibration"):
+            named = getattr(settings, option)
+            if named is not None:
+                writer.add_source(named, role=option)
+        if settings.drive is not None and settings.drive.file is not None:
+            writer.add_source(settings.drive.file, role="drive")
+        result = run.result
+        figures = PointFigures.of(result)
+        if settings.strict and not figures.seen[result.status[-1] != 1].any():
+            raise MissingData(
+                "all points are lost at the end of the video",
+                expected="at least one, as strict asks",
+                fix="leave strict out, or track what stays in view",
                 file=path,
+                key="strict",
             )
-        times, how = frame_times(np.array(stamps), video.declared_fps, fps=fps)
-        _write(writer, times, np.stack(tracks), image_shape=previous.shape)
-        writer.note(f"{video.container} video, codec {video.codec}; {how}")
-        if video.declared_frames != len(times):
-            writer.note(
-                f"the container declares {video.declared_frames} frames and delivered "
-                f"{len(times)}; what was delivered is used"
-            )
-        _note_holes(writer, times)
+        held = set() if bars is None else set(bars.ravel().tolist())
+        if start.marker is not None:
+            held.add(start.marker)
+        chosen, dropped = chosen_points(figures, settings, always=sorted(held), file=Path(path))
+        tracks = FinishedTracks(result, settings, calibration, chosen, folder=writer.path.parent)
+        summary = _figures(source, run, figures, settings)
+        self.tracked = TrackedVideo(source, result, calibration, chosen, summary)
+        record = {
+            "source": source.describe(),
+            "tracker": settings.tracker_config().as_dict(),
+            "calibration": None if calibration is None else calibration.as_dict(),
+            "figures": summary,
+        }
+        write_tracks(
+            writer, tracks, settings, start=start, bars=bars, calibration=calibration,
+            frame_times=result.timestamps, interrupted=run.interrupted,
+            record=json.dumps(record, default=str),
+        )  # fmt: skip
+        for note in dict.fromkeys(
+            (*_about(source, run), *notes, *start.notes, *result.notes, *dropped, *tracks.notes)
+        ):
+            writer.note(note)
+        if run.interrupted:
+            writer.keep()
+            raise KeyboardInterrupt
 
 
-def _option(options: Mapping[str, Any], name: str, default: Any) -> Any:
-    value = options.get(name)
-    return default if value is None else value
+@dataclass(frozen=True)
+class _Run:
+    result: TrackingResult
+    interrupted: bool
 
 
-def _start(
-    image: NDArray[np.uint8], path: Path, writer: TrajectoryWriter, options: Mapping[str, Any]
-) -> NDArray[np.float64]:
-    """Return the points to follow, (N, 2) [px]."""
-    listed = options.get("points")
-    if listed is not None:
-        writer.add_source(Path(listed), role="points")
-        return _read_points(Path(listed), image.shape)
-    name = _option(options, "detector", "shi-tomasi")
-    if name not in DETECTORS:
-        raise ConfigError(
-            f"unknown detector {name!r}",
-            expected="one of " + ", ".join(DETECTORS),
-            fix="choose one of these",
-            key="detector",
-        )
-    most = int(_option(options, "max_points", 100))
-    if most < 1:
-        raise ConfigError(
-            f"max_points is {most}", expected="at least 1", fix="raise it", key="max_points"
-        )
-    points: NDArray[np.float64] = DETECTORS[name](max_points=most).detect(image)
-    if not len(points):
-        raise MissingData(
-            f"the detector {name!r} finds no point in the first frame",
-            expected="texture or marks that can be followed",
-            fix="choose another detector, or list the points in a CSV file (option points)",
-            file=path,
-            key="detector",
-        )
-    return points
-
-
-def _read_points(path: Path, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    path = safety.check_readable(path)
-    points: list[tuple[float, float]] = []
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
-        for number, row in enumerate(csv.reader(stream), start=1):
-            if not row or (number == 1 and [c.strip().lower() for c in row] == ["x", "y"]):
-                continue
-            try:
-                x, y = (float(cell) for cell in row)
-            except ValueError:
-                x = y = np.nan
-            if not (0 <= x <= shape[1] - 1 and 0 <= y <= shape[0] - 1):
-                raise ConfigError(
-                    f"line {number} is {','.join(row)!r}",
-                    expected=f"x,y in px inside the image of {shape[1]} x {shape[0]}",
-                    fix="one point a line; the first line may be the header x,y",
-                    file=path,
-                    key="points",
-                )
-            points.append((x, y))
-    if not points:
-        raise ConfigError(
-            "no point is listed", expected="lines x,y", fix="list some", file=path, key="points"
-        )
-    return np.array(points)
-
-
-def _write(
-    writer: TrajectoryWriter,
-    times: NDArray[np.float64],
-    tracks: NDArray[np.float64],
-    *,
-    image_shape: tuple[int, ...],
-) -> None:
-    seen = np.asarray(np.isfinite(tracks).all(axis=2))
-    writer.declare_nodes(tracks.shape[1], 2, unit="px", axes="x,y", frame="image", observed=True)
-    writer.declare_channel("fraction_tracked", ["fraction"], unit="1", quantity="fraction")
-    writer.append(
-        times,
-        positions=tracks,
-        observed=seen.astype(np.uint8),
-        channels={"fraction_tracked": seen.mean(axis=1)[:, None]},
-    )
-    writer.note(
-        f"image of {image_shape[1]} x {image_shape[0]} px, origin at the centre of the upper "
-        "left pixel, x to the right, y down"
-    )
-    lost = int((~seen[-1]).sum())
-    if lost:
-        writer.note(
-            f"{lost} of {tracks.shape[1]} points are lost before the last frame and stay NaN"
-        )
-
-
-def _note_holes(writer: TrajectoryWriter, times: NDArray[np.float64]) -> None:
-    if len(times) < 3:
+def _check_drive(settings: ImportSettings, source: VideoSource) -> None:
+    """Refuse a drive that cannot fit before an hour is spent on tracking."""
+    drive = settings.drive
+    if drive is None or not drive.per_frame or len(drive.values) == source.frame_count:
         return
-    steps = np.diff(times)
-    holes = np.flatnonzero(steps > 1.5 * np.median(steps))
-    if len(holes):
-        writer.note(
-            f"{len(holes)} gaps between frames are longer than 1.5 times the usual one, the "
-            f"first after frame {holes[0]}: frames were dropped or the rate varies"
+    # What is declared may be wrong either way; only counting tells.
+    drive.check_length(sum(1 for _ in source.frames()))
+
+
+def _start(source: VideoSource, settings: ImportSettings, *, path: Path) -> Any:
+    from openprc.vision.start_points import start_points  # noqa: PLC0415 - needs OpenCV
+
+    number = settings.reference_frame
+    frame = next(source.frames(start=number), None)
+    if frame is None:
+        raise ConfigError(
+            f"there is no frame {number} in the video",
+            expected="a reference frame that is there, counted from 0",
+            fix="choose an earlier one",
+            file=path,
+            key="reference_frame",
         )
+    return start_points(frame.grey, settings, file=path)
+
+
+def _follow(
+    source: VideoSource,
+    places: NDArray[np.float64],
+    settings: ImportSettings,
+    folder: Path,
+    progress: Callable[[int, int | None], None] | None,
+) -> _Run:
+    from openprc.vision.tracking.tracker import Tracker  # noqa: PLC0415 - kept light
+    from openprc.vision.tracks_spool import TracksSpool  # noqa: PLC0415
+
+    tracker = Tracker(
+        source, places, config=settings.tracker_config(),
+        reference_frame=settings.reference_frame, progress=progress,
+    )  # fmt: skip
+    spool = TracksSpool(folder, len(places))
+    interrupted = False
+    try:
+        for step in tracker.steps():
+            spool.append(step)
+    except KeyboardInterrupt:
+        if len(spool) <= settings.reference_frame:
+            raise
+        interrupted = True
+    stamps, duplicated = spool.clock()
+    notes = list(tracker.notes)
+    if interrupted:
+        from openprc.vision.source.time_axis import TimeAxis  # noqa: PLC0415 - kept light
+
+        # The declared number of frames says nothing of what was stopped half way.
+        axis = TimeAxis.from_stamps(
+            stamps, declared_fps=source.fps, fps=settings.fps, duplicated=duplicated
+        )
+        notes.append(f"interrupted: the tracks end with frame {len(spool) - 1}")
+    else:
+        axis = source.time_axis(stamps, duplicated=duplicated)
+    result = spool.result(
+        axis, reference_frame=settings.reference_frame, noise=tracker.noise,
+        config=tracker.config, notes=tuple(notes),
+    )  # fmt: skip
+    return _Run(result, interrupted)
+
+
+def _about(source: VideoSource, run: _Run) -> list[str]:
+    axis = run.result.time_axis
+    assert axis is not None  # made in _follow
+    height, width = source.shape
+    return [
+        f"{source.container}, codec {source.codec}, {width} x {height} px, "
+        f"{len(axis.times)} frames decoded"
+        + (f", {source.frame_count} declared" if source.frame_count > 0 else ""),
+        f"frame times: {axis.how}",
+        *axis.notes,
+        *source.notes,
+    ]
+
+
+def _figures(
+    source: VideoSource, run: _Run, figures: Any, settings: ImportSettings
+) -> dict[str, Any]:
+    """Return what tells whether the run can be trusted, as plain values."""
+    from openprc.vision.run_figures import run_figures  # noqa: PLC0415 - kept light
+
+    return {
+        **run_figures(run.result, figures),
+        "declared_frames": source.frame_count or None,
+        "container": source.container,
+        "codec": source.codec,
+        "image": [source.width, source.height],
+        "detector": None if settings.points else settings.detector,
+        "interrupted": run.interrupted,
+        "settings": {
+            key: value
+            for key, value in asdict(settings).items()
+            if key not in ("drive", "points", "mask", "bars", "calibration")
+        },
+    }

@@ -96,7 +96,7 @@ class CameraCalibration(Calibration):
     @classmethod
     def from_matrix(
         cls,
-        K: ArrayLike,  # noqa: N803 - the name in the literature
+        K: ArrayLike,
         dist: ArrayLike | None = None,
         *,
         frame_shape: tuple[int, int],

@@ -40,8 +40,8 @@ def coefficients(dist: ArrayLike | None, *, key: str = "dist") -> Array:
         raise CalibrationError(
             f"the lens distortion is given by {found.size} numbers"
             + ("" if np.isfinite(found).all() else ", some of them not finite"),
-            expected="4, 5, 8, 12 or 14 numbers: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tau_x tau_y]]]]",
-            fix="give the coefficients as the calibration wrote them; a fisheye model is another one",
+            expected="4, 5, 8, 12 or 14 of k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, tau_x tau_y",
+            fix="give the coefficients as the calibration wrote them; a fisheye model is another",
             key=key,
         )
     return found

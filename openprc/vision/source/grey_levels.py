@@ -43,9 +43,7 @@ class GreyLevels:
         self._form: tuple[tuple[int, ...], np.dtype[Any]] | None = None
         self._clipped = 0
 
-    def convert(
-        self, image: NDArray[Any], *, index: int
-    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+    def convert(self, image: NDArray[Any], *, index: int) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """Return grey (H, W) uint8 and intensity (H, W) of the frame number `index`.
 
         Raises
@@ -125,7 +123,9 @@ class GreyLevels:
             return 0.0, 2.0**depth - 1.0
         for top in (1.0, 255.0):
             if low >= 0.0 and high <= top:
-                self._note(f"values of the type {plane.dtype}: grey levels show the range 0 to {top:g}")
+                self._note(
+                    f"values of the type {plane.dtype}: grey levels show the range 0 to {top:g}"
+                )
                 return 0.0, top
         raise ConfigError(
             f"the values of the first frame go from {low:g} to {high:g}",

@@ -98,10 +98,14 @@ class Scene:
     def truth(self, points: ArrayLike) -> Values:
         """Return where points (N, 2) [px] of frame 0 are in every frame, (T, N, 2) [px].
 
-        Also for points behind an occluder or outside the image; see `visible`.
+        Also for points behind an occluder or outside the image; see `visible`. NaN stays NaN.
         """
         start = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        return np.stack([forward(self.motion, start, k) for k in range(self.n_frames)])
+        known = np.isfinite(start).all(axis=1)
+        places = np.full((self.n_frames, len(start), 2), np.nan)
+        for k in range(self.n_frames):
+            places[k, known] = forward(self.motion, start[known], k)
+        return places
 
     def visible(self, points: ArrayLike, *, margin: float = 0.0) -> NDArray[np.bool_]:
         """Return whether points (N, 2) of frame 0 are seen, (T, N).

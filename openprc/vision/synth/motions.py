@@ -95,8 +95,9 @@ class WaveMotion:
 def forward(motion: Motion, points: Values, k: float) -> Values:
     """Return where points (N, 2) [px] of frame 0 are in frame `k`.
 
-    To 1e-12 px in images of up to 500 px: Newton's iteration on the way back, with its derivative taken by a step of 1e-4 px; the
-    result is checked, so the derivative only has to be good enough to converge.
+    To 1e-12 px in images of up to 500 px, by Newton's iteration on the way back. Its
+    derivative is taken by a step of 1e-4 px; the result is checked, so the derivative only has
+    to be good enough to converge.
 
     Raises
     ------

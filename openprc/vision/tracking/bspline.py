@@ -55,16 +55,18 @@ def _mirrored(index: int, size: int) -> int:
 
 @kernel
 def _fill(image: Any, coefficients: Any, ready: Any, boxes: Any) -> None:
-    """Compute the tiles that the `boxes` (first and last column, first and last row) touch."""
+    """Compute the tiles from which positions in `boxes` are interpolated."""
     height, width = image.shape
     rows, columns = coefficients.shape
     patch = np.empty((TILE_ROWS + 2 * REACH, TILE_COLUMNS + 2 * REACH), np.float32)
     half = np.empty((TILE_ROWS, TILE_COLUMNS + 2 * REACH), np.float32)
     for box in range(len(boxes)):
-        first_column = max(boxes[box, 0] + BORDER, 0) // TILE_COLUMNS
-        last_column = min(boxes[box, 1] + BORDER, columns - 1) // TILE_COLUMNS
-        first_row = max(boxes[box, 2] + BORDER, 0) // TILE_ROWS
-        last_row = min(boxes[box, 3] + BORDER, rows - 1) // TILE_ROWS
+        if boxes[box, 1] < boxes[box, 0] or boxes[box, 3] < boxes[box, 2]:
+            continue
+        first_column = max(boxes[box, 0], 0) // TILE_COLUMNS
+        last_column = min(boxes[box, 1] + 2 * BORDER, columns - 1) // TILE_COLUMNS
+        first_row = max(boxes[box, 2], 0) // TILE_ROWS
+        last_row = min(boxes[box, 3] + 2 * BORDER, rows - 1) // TILE_ROWS
         for tile_row in range(first_row, last_row + 1):
             for tile_column in range(first_column, last_column + 1):
                 if ready[tile_row, tile_column]:
@@ -187,19 +189,20 @@ class PreparedImage:
         return height, width
 
     def require(self, boxes: NDArray[np.int64]) -> None:
-        """Compute the coefficients inside of boxes, where that has not been done.
+        """Make boxes ready to be interpolated in, as far as they are not.
 
         Parameters
         ----------
         boxes : (n, 4) [px]
-            First and last column, first and last row of each.
+            First and last column, first and last row of each; a box that ends before it begins
+            is empty.
         """
         _fill(self.intensity, self.coefficients, self._ready, boxes)
 
     def require_all(self) -> None:
         """Compute all coefficients."""
         height, width = self.intensity.shape
-        self.require(np.array([[-BORDER, width + BORDER, -BORDER, height + BORDER]]))
+        self.require(np.array([[0, width - 1, 0, height - 1]]))
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the interpolated grey levels at points.
@@ -219,8 +222,7 @@ class PreparedImage:
         result = np.full(len(points), np.nan)
         whole = np.floor(points[inside])
         corner = whole.astype(np.int64)
-        reach = np.array([-1, 2, -1, 2])
-        self.require(corner[:, [0, 0, 1, 1]] + reach)
+        self.require(corner[:, [0, 0, 1, 1]] + np.array([0, 1, 0, 1]))
         weights = _weights(points[inside] - whole)
         around = np.arange(BORDER - 1, BORDER + 3)
         taps = self.coefficients[

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from openprc.vision.tracking.bspline import NOISE_LEFT, PreparedImage
 from openprc.vision.tracking.noise import estimate_noise
 from openprc.vision.tracking.refinement import Reason, Refined, RefineSettings
-from openprc.vision.tracking.subset_kernels import refine
+from openprc.vision.tracking.subset_kernels import refine, search_boxes
 from openprc.vision.tracking.templates import TemplateStore
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
 
 #: Parameters that are free at first, and how many there may be once noise is weighed.
 _FREE = {"translation": (2, 0), "affine": (6, 0), "quadratic": (12, 0), "auto": (6, 12)}
-PENALTY_DEFORMATION = 6.0
+PENALTY_DEFORMATION = 7.0
 PENALTY_CURVATURE = 12.0
 
 
@@ -97,7 +97,11 @@ class Correlator:
         ids = np.ascontiguousarray(ids, np.intp).reshape(-1)
         ids = np.where(ids < store.n, ids, -1)
         guesses = np.ascontiguousarray(warps, np.float64).reshape(-1, 6)
-        image.require_all()
+        boxes = np.empty((len(ids), 4), np.int64)
+        # Half the way again, for the corners of a window that deforms on its way.
+        margin = 1.5 * settings.max_shift
+        search_boxes(ids, guesses, store.arrays, image.shape, margin, boxes)
+        image.require(boxes)
         start, most = _FREE[settings.model]
         out = _answer(len(ids))
         refine(
@@ -105,6 +109,7 @@ class Correlator:
             image.shape,
             ids,
             guesses,
+            boxes,
             store.arrays,
             (
                 start,

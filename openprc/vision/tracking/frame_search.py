@@ -13,6 +13,8 @@ from openprc.vision.tracking.point_state import PointState
 
 #: Reason of the correlator: the subset leaves the image.
 _LEFT_IMAGE = 2
+#: Largest change of a component of the deformation gradient from its guess.
+_MOST_CHANGE = 0.4
 
 
 @dataclass
@@ -95,7 +97,10 @@ class FrameSearch:
         with np.errstate(invalid="ignore"):
             certain = refined.sigma.max(axis=1) <= self.config.max_sigma
             near = offset <= self.config.max_offset
-        return refined.accepted & near & certain
+            # A window that has been turned inside out or shrunk to a dot matches anything.
+            change = np.abs(refined.warps[:, 2:] - guess[:, 2:]).max(axis=1)
+            sound = change <= _MOST_CHANGE
+        return refined.accepted & near & certain & sound
 
     def keep(
         self,

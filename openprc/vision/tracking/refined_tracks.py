@@ -34,6 +34,8 @@ _RETURN_QUALITY = 0.85
 _FRESH, _LATE = 10, 10
 #: Frames between two looks back to the template of the reference frame.
 _LOOK_BACK = 5
+#: Frames for which a lost point is taken to go on as it did.
+_COASTING = 10
 #: Lost points for which a larger surrounding is searched in one frame.
 _WIDE_AT_ONCE = 16
 
@@ -177,10 +179,14 @@ class RefinedTracks:
                 floor=floor[rest],
             )
             rest = rest[~search.found[rest]]
+        # A point whose neighbours have left the image has left it with them, whatever looks
+        # like it inside; and nothing goes straight on for long.
+        free = ~self._beyond_edge(state.warps[rest, :2], grey.shape)
+        free &= state.missed[rest] < _COASTING
         if len(rest):
-            coasting = state.warps[rest]
-            coasting[:, :2] = state.coasting[rest]
-            search.attempt(rest, coasting, floor=floor[rest])
+            coasting = state.warps[rest[free]]
+            coasting[:, :2] = state.coasting[rest[free]]
+            search.attempt(rest[free], coasting, floor=floor[rest[free]])
             self._search_widely(search, grey, rest[~search.found[rest]], index, floor)
 
     def _search_widely(

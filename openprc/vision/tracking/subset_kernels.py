@@ -22,6 +22,8 @@ ACCEPTED, NO_TEMPLATE, LEFT_IMAGE, NOT_CONVERGED, BELOW_GATE, SINGULAR = range(6
 N_SUMS = 15
 #: A window may not shrink to less than this share of its area: nothing of it would be left.
 _SMALLEST = 0.1
+#: Single precision may put the outermost pixels of a window a little further out [px].
+_SLACK = 1e-4
 
 _F = np.float32
 _SIXTH, _TWO_THIRDS, _HALF, _ONE = _F(1.0 / 6.0), _F(2.0 / 3.0), _F(0.5), _F(1.0)
@@ -132,16 +134,8 @@ def _reach(warp, corner, side):
 
 
 @inner
-def _inside(warp, corner, side, height, width):
-    low_x, high_x, low_y, high_y = _reach(warp, corner, side)
-    # Single precision may put the outermost pixels a little further out.
-    slack = 1e-4
-    return (
-        low_x >= -slack
-        and low_y >= -slack
-        and high_x <= width - 1 + slack
-        and high_y <= height - 1 + slack
-    )
+def _within(reach, low_x, high_x, low_y, high_y):
+    return reach[0] >= low_x and reach[1] <= high_x and reach[2] >= low_y and reach[3] <= high_y
 
 
 @inner
@@ -150,7 +144,12 @@ def _advance(warp, step, free):
     det = (1.0 + step[2]) * (1.0 + step[5]) - step[3] * step[4]
     if not det > _SMALLEST:
         return False
-    ixx, ixy, iyx, iyy = (1.0 + step[5]) / det, -step[3] / det, -step[4] / det, (1.0 + step[2]) / det
+    ixx, ixy, iyx, iyy = (
+        (1.0 + step[5]) / det,
+        -step[3] / det,
+        -step[4] / det,
+        (1.0 + step[2]) / det,
+    )
     ipx = -(ixx * step[0] + ixy * step[1])
     ipy = -(iyx * step[0] + iyy * step[1])
     wxx, wxy, wyx, wyy = 1.0 + warp[2], warp[3], warp[4], 1.0 + warp[5]
@@ -195,7 +194,7 @@ def _significance(weight, values):
 @inner
 def _kept(significance, variance, penalty):
     """Share of parameters that is kept, by the positive part of the James-Stein estimator."""
-    return max(1.0 - penalty * variance / max(significance, 1e-300), 0.0)
+    return max(1.0 - (penalty * variance / max(significance, 1e-300)) ** 2, 0.0)
 
 
 @inner
@@ -223,7 +222,27 @@ def _interpolated_noise(warp, corner, side, table):
 
 
 @kernel
-def refine(c, shape, ids, guesses, store, options, table, out):
+def search_boxes(ids, guesses, store, shape, margin, boxes):
+    """Find out where in the image windows may come to lie: first and last column and row."""
+    height, width = shape
+    side = store.values.shape[1]
+    warp = np.zeros(12)
+    for n in range(len(ids)):
+        boxes[n, 0] = boxes[n, 2] = 0
+        boxes[n, 1] = boxes[n, 3] = -1
+        warp[:6] = guesses[n]
+        if ids[n] < 0 or not np.isfinite(warp).all():
+            continue
+        reach = _reach(warp, store.offset[ids[n]], side)
+        if _within(reach, -_SLACK, width - 1 + _SLACK, -_SLACK, height - 1 + _SLACK):
+            boxes[n, 0] = max(int(reach[0] - margin), 0)
+            boxes[n, 1] = min(int(reach[1] + margin) + 1, width - 1)
+            boxes[n, 2] = max(int(reach[2] - margin), 0)
+            boxes[n, 3] = min(int(reach[3] + margin) + 1, height - 1)
+
+
+@kernel
+def refine(c, shape, ids, guesses, boxes, store, options, table, out):
     """Match templates, starting from guesses.
 
     `options`: free parameters at first, free parameters that noise is weighed against (0: none),
@@ -262,8 +281,14 @@ def refine(c, shape, ids, guesses, store, options, table, out):
             continue
         before, rate = np.inf, 0.3
         for iteration in range(max_iterations):
-            if not _inside(warp, corner, side, height, width):
+            reach = _reach(warp, corner, side)
+            if not _within(reach, -_SLACK, width - 1 + _SLACK, -_SLACK, height - 1 + _SLACK):
                 out.reason[n] = LEFT_IMAGE
+                break
+            box = boxes[n]
+            if not _within(
+                reach, box[0] - _SLACK, box[1] + _SLACK, box[2] - _SLACK, box[3] + _SLACK
+            ):
                 break
             out.iterations[n] = iteration + 1
             _measure(c, warp, free > 6, store, t, g, sums)

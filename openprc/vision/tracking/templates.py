@@ -23,7 +23,9 @@ _ALONG /= (_TAPS * _ALONG).sum()
 #: What white noise of variance one adds to the mean square of the smoothed gradient, and to
 #: the mean product of the smoothed and the exact one.
 SMOOTH_NOISE = float((_ALONG**2).sum() * (_ACROSS**2).sum())
-MIXED_NOISE = float(_ACROSS[2] * (_ALONG * PIXEL_DERIVATIVE[_TAPS + len(PIXEL_DERIVATIVE) // 2]).sum())
+MIXED_NOISE = float(
+    _ACROSS[2] * (_ALONG * PIXEL_DERIVATIVE[_TAPS + len(PIXEL_DERIVATIVE) // 2]).sum()
+)
 
 
 class TemplateArrays(NamedTuple):
@@ -148,9 +150,7 @@ class TemplateStore:
         noise: NDArray[np.float64],
     ) -> Normal:
         side = self.subset
-        image.require(
-            np.concatenate([corner - 3, corner + side + 3], axis=1)[:, [0, 2, 1, 3]]
-        )
+        image.require(np.concatenate([corner, corner + side], axis=1)[:, [0, 2, 1, 3]])
         c = _windows(image.coefficients, corner + BORDER, side, margin=1)
         inner = slice(1, -1)
         across_y = (c[:, :-2] + 4.0 * c[:, inner] + c[:, 2:]) / 6.0

@@ -116,10 +116,14 @@ def normal_equations(
     diagonal = np.where(good, np.einsum("nii->ni", mixed).min(axis=1), 1.0)
     good &= diagonal > 0.0
     mixed[~good], square[~good] = np.eye(12), np.eye(12)
-    share = (mixed_noise * noise**2)[:, None] * np.einsum("nii->ni", pure) / np.einsum(
-        "nii->ni", mixed
+    share = (
+        (mixed_noise * noise**2)[:, None] * np.einsum("nii->ni", pure) / np.einsum("nii->ni", mixed)
     )
-    taken = np.where(good, np.minimum(noise**2, noise**2 * _MOST_NOISE / np.maximum(share.max(axis=1), _MOST_NOISE)), 0.0)
+    taken = np.where(
+        good,
+        np.minimum(noise**2, noise**2 * _MOST_NOISE / np.maximum(share.max(axis=1), _MOST_NOISE)),
+        0.0,
+    )
     mixed = mixed - (mixed_noise * taken)[:, None, None] * pure
     scale = np.sqrt(np.einsum("nii->ni", mixed))
     scaled = mixed / (scale[:, :, None] * scale[:, None, :])

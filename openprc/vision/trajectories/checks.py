@@ -102,7 +102,7 @@ def point_mask(mask: ArrayLike, n_points: int) -> NDArray[np.intp]:
         index = np.flatnonzero(given)
     elif given.dtype.kind in "iu" and given.ndim == 1:
         index = given.astype(np.intp)
-        if len(index) and not (0 <= index.min() and index.max() < n_points):
+        if len(index) and not (index.min() >= 0 and index.max() < n_points):
             raise _wrong("mask", f"point {index.max()} of {n_points}", f"0 to {n_points - 1}")
     else:
         raise _wrong(

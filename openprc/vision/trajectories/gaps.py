@@ -94,10 +94,9 @@ def fill_gaps(
         Measurements are as they were, bit for bit. What lies before the first and after the
         last measurement of a point stays missing. The variance of a filled position, at times
         a and b from the measurements on both sides, is that of the straight line between them
-        plus the square of ``alpha a b / 2``, the largest error of linear interpolation where the
-        acceleration is `alpha`; `alpha` is the rms acceleration of the point where it was
-        measured in three consecutive frames, less what noise adds to it. It is NaN where the
-        point never was.
+        plus the square of ``alpha a b / 2``, the error of a straight line where the acceleration
+        is `alpha`. That is the rms of what lines over spans of the same length would have been
+        wrong by, where the point was measured (`rms_acceleration`); NaN where it never was.
 
     Raises
     ------
@@ -161,7 +160,7 @@ def _fill_smooth(
     wanted: NDArray[np.bool_],
     method: GapMethod,
 ) -> None:
-    from scipy.interpolate import CubicSpline, PchipInterpolator  # noqa: PLC0415 - heavy
+    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     interpolator = PchipInterpolator if method == "pchip" else CubicSpline
     for node in np.flatnonzero(wanted.any(axis=0)):
@@ -189,8 +188,12 @@ def _sigma(
     since, until = times[frame] - times[first], times[last] - times[frame]
     weight = (since / (since + until))[:, np.newaxis]
     line = ((1 - weight) * grown[first, node]) ** 2 + (weight * grown[last, node]) ** 2
-    bend = 0.5 * rms_acceleration(positions, times, sigma)[node] * (since * until)[:, np.newaxis]
-    grown[frame, node] = np.sqrt(line + bend**2)
+    half = np.maximum(1, gap_lengths(present, times)[frame, node] + 1) // 2
+    for spacing in np.unique(half):
+        here = half == spacing
+        alpha = rms_acceleration(positions, times, sigma, spacing=max(1, int(spacing)))
+        bend = 0.5 * alpha[node[here]] * (since * until)[here, np.newaxis]
+        grown[frame[here], node[here]] = np.sqrt(line[here] + bend**2)
     return grown
 
 
@@ -198,27 +201,40 @@ def rms_acceleration(
     positions: NDArray[np.float64],
     times: NDArray[np.float64],
     sigma: NDArray[np.float64] | None = None,
+    *,
+    spacing: int = 1,
 ) -> NDArray[np.float64]:
     """Return the rms acceleration of every point, (N, D) [unit/s2].
 
-    From second divided differences of three consecutive measurements; the part that white
-    noise of one-sigma `sigma` adds is taken off. NaN where a point has no three of them.
+    From second divided differences of measurements that are `spacing` frames apart, so that it is
+    the acceleration at that scale of time; what white noise of one-sigma `sigma` adds to their
+    mean square is taken off. NaN where a point has no three measurements so far apart.
     """
     n_nodes, n_axes = positions.shape[1:]
-    if len(times) < 3:
-        return np.full((n_nodes, n_axes), np.nan)
-    h1, h2 = np.diff(times)[:-1], np.diff(times)[1:]
-    weights = np.stack([2 / (h1 * (h1 + h2)), -2 / (h1 * h2), 2 / (h2 * (h1 + h2))])
-    weights = weights[:, :, np.newaxis, np.newaxis]
-    parts = (positions[:-2], positions[1:-1], positions[2:])
-    curve = sum(w * p for w, p in zip(weights, parts, strict=True))
-    square = np.asarray(curve) ** 2
+    out = np.full((n_nodes, n_axes), np.nan)
+    if len(times) < 2 * spacing + 1:
+        return out
+    first, middle, last = (
+        slice(None, -2 * spacing),
+        slice(spacing, -spacing),
+        slice(2 * spacing, None),
+    )
+    h1, h2 = times[middle] - times[first], times[last] - times[middle]
+    weights = [
+        (place, weight[:, np.newaxis, np.newaxis])
+        for place, weight in (
+            (first, 2 / (h1 * (h1 + h2))),
+            (middle, -2 / (h1 * h2)),
+            (last, 2 / (h2 * (h1 + h2))),
+        )
+    ]
+    square = np.asarray(sum(weight * positions[place] for place, weight in weights)) ** 2
     if sigma is not None:
         noise = np.nan_to_num(np.asarray(sigma, dtype=np.float64))
-        parts = (noise[:-2], noise[1:-1], noise[2:])
-        square = square - sum((w * p) ** 2 for w, p in zip(weights, parts, strict=True))
-    count = np.isfinite(square).sum(axis=0)
-    total = np.where(np.isfinite(square), square, 0.0).sum(axis=0)
-    mean = np.divide(total, count, out=np.full((n_nodes, n_axes), np.nan), where=count > 0)
-    rms: NDArray[np.float64] = np.sqrt(np.maximum(mean, 0.0))
+        square -= sum((weight * noise[place]) ** 2 for place, weight in weights)
+    known = np.isfinite(square)
+    count = known.sum(axis=0)
+    total = np.where(known, square, 0.0).sum(axis=0)
+    np.divide(total, count, out=out, where=count > 0)
+    rms: NDArray[np.float64] = np.sqrt(np.maximum(out, 0.0))
     return rms

@@ -124,7 +124,7 @@ def _runs(
     wanted: NDArray[np.bool_],
     method: ResamplingMethod,
 ) -> None:
-    from scipy.interpolate import CubicSpline, PchipInterpolator  # noqa: PLC0415 - heavy
+    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     present = observed[:, node] > 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
@@ -163,9 +163,7 @@ def _spread(
     return spread
 
 
-def _checked(
-    instants: ArrayLike, times: NDArray[np.float64], method: str
-) -> NDArray[np.float64]:
+def _checked(instants: ArrayLike, times: NDArray[np.float64], method: str) -> NDArray[np.float64]:
     if method not in get_args(ResamplingMethod):
         raise ConfigError(
             f"unknown method {method!r}",

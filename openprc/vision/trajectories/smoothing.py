@@ -76,7 +76,7 @@ def smooth(
     -----
     An average of M frames at the rate F passes a sinusoid of frequency f with the gain
     ``sin(pi f M / F) / (M sin(pi f / F))``: 5 frames leave 0.647 of a motion at F/10 and nothing
-    at F/5. The polynomial of order 2 over 5 frames leaves 0.988 and 0.836 of them, and 17/35 of
+    at F/5. The polynomial of order 2 over 5 frames leaves 0.987 and 0.836 of them, and 17/35 of
     the variance of white noise where the average leaves 1/5.
 
     References
@@ -175,7 +175,7 @@ class _Windows:
         """
         width = 2 * half + 1
         if self._uniform:
-            from scipy.signal import savgol_coeffs  # noqa: PLC0415 - heavy
+            from scipy.signal import savgol_coeffs
 
             order = min(self._order, width - 1)
             coefficients: NDArray[np.float64] = savgol_coeffs(width, order, pos=ahead, use="dot")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
@@ -98,6 +99,16 @@ class TrajectorySet:
             Anything with ``to_physical(points)``, ``sigma_to_physical(points, sigma)`` and
             ``units``.
         """
+        shape, remarks = getattr(result, "frame_shape", None), list(result.notes)
+        if calibration is not None:
+            if shape is not None and hasattr(calibration, "check_frame"):
+                fits = calibration.check_frame(tuple(shape))
+                calibration = fits.calibration
+                remarks += fits.notes
+                if fits.warning:
+                    warnings.warn(fits.warning, stacklevel=2)
+                    remarks.append(fits.warning)
+            remarks += getattr(calibration, "notes", ())
         seen = np.isin(result.status, (Status.TRACKED, Status.REFERENCE, Status.INTERPOLATED))
         seen &= np.isfinite(result.positions).all(axis=2)
         pixels = np.where(seen[..., np.newaxis], result.positions, np.nan).astype(np.float64)
@@ -107,13 +118,10 @@ class TrajectorySet:
         common = {
             "status": result.status, "observed": observed, "quality": result.quality,
             "template": result.template, "positions_px": pixels,
-            "feature_ids": result.feature_ids, "notes": tuple(result.notes),
+            "feature_ids": result.feature_ids, "notes": tuple(remarks),
         }  # fmt: skip
         if calibration is None:
             return cls(pixels, result.timestamps, sigma=sigma, **common)
-        shape = getattr(result, "frame_shape", None)
-        if shape is not None and hasattr(calibration, "check_frame"):
-            calibration.check_frame(tuple(shape))
         points = pixels[seen]
         placed = np.asarray(calibration.to_physical(points), dtype=np.float64)
         spread = np.asarray(calibration.sigma_to_physical(points, sigma[seen]), dtype=np.float64)
@@ -311,8 +319,8 @@ class TrajectorySet:
         )
         status = self.status[made.source].copy()
         status[made.observed == FILLED] = Status.INTERPOLATED
-        gone = (made.observed == MISSING) & np.isin(status, (0, 4, 5))
-        status[gone] = Status.LOST
+        there = (Status.TRACKED, Status.INTERPOLATED, Status.REFERENCE)
+        status[(made.observed == MISSING) & np.isin(status, there)] = Status.LOST
         changes = {
             "positions": made.positions, "observed": made.observed, "sigma": made.sigma,
             "status": status, "timestamps": np.asarray(clock, dtype=np.float64),
@@ -356,9 +364,7 @@ class TrajectorySet:
                 return self.positions.copy()
             far = signals.component(self.positions, "magnitude", reference=reference)
             return np.concatenate([self.positions, far[..., np.newaxis]], axis=2)
-        raise ConfigError(
-            f"dim is {dim!r}", expected="1, 2 or 3", fix="2 gives x and y", key="dim"
-        )
+        raise ConfigError(f"dim is {dim!r}", expected="1, 2 or 3", fix="2 gives x and y", key="dim")
 
     def velocities(self) -> NDArray[np.float64]:
         """Return velocities, (T, N, D) [units/s]; see `signals.velocities` for the formula."""
@@ -388,9 +394,11 @@ class TrajectorySet:
         still = None if static is None else point_mask(static, self.n_features)
         made = motion.camera_motion(self.positions, still, model=model)
         note = (
-            f"the {model} motion of {len(made.static)} still points was taken off; "
-            f"{made.residual:.3g} {self.units} rms of theirs is left"
+            f"the {model} motion of {len(made.static)} still points ({made.removed:.3g} "
+            f"{self.units} rms) was taken off; {made.residual:.3g} {self.units} rms is left"
         )
+        if made.n_unknown:
+            note += f"; in {made.n_unknown} frames too few of them are seen: all points missing"
         marks, status = self.observed.copy(), self.status.copy()
         lost = np.isnan(made.positions).any(axis=2) & (marks > 0)
         marks[lost], status[lost] = MISSING, Status.LOST

@@ -1,0 +1,224 @@
+"""The detectors of OpenCV, each with its settings under plain names."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openprc.vision.detection.feature_map import FeatureMap
+from openprc.vision.detection.trackability import predicted_sigma
+from openprc.vision.opencv import load_cv2, make_akaze
+
+#: Images of more pixels are searched at half their size: SIFT takes 2 GB for a frame of
+#: 3840 x 2160 px.
+LARGE = 5_000_000
+
+
+class _OpenCVDetector:
+    """What the detectors have in common: from keypoints of OpenCV to a feature map."""
+
+    name: ClassVar[str] = ""
+
+    def detect(self, image: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return (N, 2) points [px] of a grey image (H, W), strongest first, none twice."""
+        return self.features(image).unique().keypoints
+
+    def features(
+        self, image: NDArray[np.uint8], *, mask: NDArray[np.uint8] | None = None
+    ) -> FeatureMap:
+        """Return what is found in a grey image (H, W), strongest first.
+
+        Parameters
+        ----------
+        image : (H, W) uint8
+        mask : (H, W) uint8, optional
+            0 where nothing is wanted.
+        """
+        scale = self._downscale(image.size)
+        small, small_mask = _halved(image, mask) if scale == 2 else (image, mask)
+        found, descriptors = self._find(small, small_mask)
+        order = sorted(range(len(found)), key=lambda i: (-found[i].response, found[i].pt))
+        points = np.array([found[i].pt for i in order], np.float64).reshape(-1, 2)
+        # The centre of a pixel of the half image lies between the pixels that it was made of.
+        points = (points + 0.5) * scale - 0.5
+        np.clip(points, 0.0, [image.shape[1] - 1.0, image.shape[0] - 1.0], out=points)
+        notes = (
+            (f"{image.shape[1]} x {image.shape[0]} px are searched at half their size "
+             "(setting downscale)",)
+            if scale == 2
+            else ()
+        )  # fmt: skip
+        return FeatureMap(
+            keypoints=points,
+            descriptors=None if descriptors is None else np.asarray(descriptors)[order],
+            responses=np.array([found[i].response for i in order], np.float64),
+            sizes=np.array([found[i].size for i in order], np.float64) * scale,
+            angles=np.array([found[i].angle for i in order], np.float64),
+            octaves=np.array([found[i].octave for i in order], np.int32),
+            track_sigma=predicted_sigma(image, points),
+            detector_name=self.name,
+            detector_config=asdict(self),  # type: ignore[call-overload]
+            frame_shape=(image.shape[0], image.shape[1]),
+            notes=notes,
+        )
+
+    def _downscale(self, n_pixels: int) -> int:
+        asked = getattr(self, "downscale", 1)
+        return asked or (2 if n_pixels > LARGE else 1)
+
+    def _find(self, image: NDArray[np.uint8], mask: NDArray[np.uint8] | None) -> Any:
+        """Return OpenCV's keypoints and the descriptors."""
+        return self._create().detectAndCompute(image, mask)
+
+    def _create(self) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sift(_OpenCVDetector):
+    """Extrema of differences of Gaussians (Lowe, DOI 10.1023/B:VISI.0000029664.99615.94).
+
+    Parameters
+    ----------
+    n_features : int
+        Most to keep, 0 for all.
+    n_octave_layers : int
+    contrast_threshold, edge_threshold : float
+        A lower contrast_threshold, or a higher edge_threshold, finds more.
+    sigma : float [px]
+    downscale : int
+        1 for the full image, 2 for half its size, 0 to decide by its size.
+    """
+
+    name: ClassVar[str] = "sift"
+
+    n_features: int = 0
+    n_octave_layers: int = 3
+    contrast_threshold: float = 0.04
+    edge_threshold: float = 10.0
+    sigma: float = 1.6
+    downscale: int = 0
+
+    def _create(self) -> Any:
+        return load_cv2().SIFT_create(
+            nfeatures=self.n_features,
+            nOctaveLayers=self.n_octave_layers,
+            contrastThreshold=self.contrast_threshold,
+            edgeThreshold=self.edge_threshold,
+            sigma=self.sigma,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orb(_OpenCVDetector):
+    """FAST corners over scales (Rublee et al., DOI 10.1109/ICCV.2011.6126544).
+
+    Parameters
+    ----------
+    n_features : int
+        Most to keep.
+    scale_factor : float
+    n_levels, edge_threshold, first_level, patch_size, fast_threshold : int
+        As in OpenCV; a lower fast_threshold finds more.
+    """
+
+    name: ClassVar[str] = "orb"
+
+    n_features: int = 500
+    scale_factor: float = 1.2
+    n_levels: int = 8
+    edge_threshold: int = 31
+    first_level: int = 0
+    patch_size: int = 31
+    fast_threshold: int = 20
+
+    def _create(self) -> Any:
+        return load_cv2().ORB_create(
+            nfeatures=self.n_features,
+            scaleFactor=self.scale_factor,
+            nlevels=self.n_levels,
+            edgeThreshold=self.edge_threshold,
+            firstLevel=self.first_level,
+            patchSize=self.patch_size,
+            fastThreshold=self.fast_threshold,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Akaze(_OpenCVDetector):
+    """Extrema in a nonlinear scale space (Alcantarilla et al., DOI 10.5244/C.27.13).
+
+    Parameters
+    ----------
+    threshold : float
+        A lower one finds more.
+    n_octaves, n_octave_layers : int
+    downscale : int
+        1 for the full image, 2 for half its size, 0 to decide by its size.
+    """
+
+    name: ClassVar[str] = "akaze"
+
+    threshold: float = 0.001
+    n_octaves: int = 4
+    n_octave_layers: int = 4
+    downscale: int = 0
+
+    def _create(self) -> Any:
+        return make_akaze(
+            threshold=self.threshold,
+            nOctaves=self.n_octaves,
+            nOctaveLayers=self.n_octave_layers,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShiTomasi(_OpenCVDetector):
+    """Corners by the smaller eigenvalue (Shi & Tomasi 1994, DOI 10.1109/CVPR.1994.323794).
+
+    The eigenvalue is also what limits the precision of a track, so this is the detector of
+    choice for tracking.
+
+    Parameters
+    ----------
+    max_corners : int
+        Most to keep, 0 for all.
+    quality_level : float
+        Weakest corner, as a part of the strongest one.
+    min_distance : float [px]
+    block_size : int [px]
+    """
+
+    name: ClassVar[str] = "gftt"
+
+    max_corners: int = 0
+    quality_level: float = 0.01
+    min_distance: float = 7.0
+    block_size: int = 3
+
+    def _create(self) -> Any:
+        return load_cv2().GFTTDetector_create(
+            maxCorners=self.max_corners,
+            qualityLevel=self.quality_level,
+            minDistance=self.min_distance,
+            blockSize=self.block_size,
+        )
+
+    def _find(self, image: NDArray[np.uint8], mask: NDArray[np.uint8] | None) -> Any:
+        return self._create().detect(image, mask), None
+
+
+def _halved(
+    image: NDArray[np.uint8], mask: NDArray[np.uint8] | None
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    cv2 = load_cv2()
+    # An odd last row or column is left out: a pixel of the half image is made of four.
+    height, width = image.shape[0] // 2, image.shape[1] // 2
+    even = (slice(2 * height), slice(2 * width))
+    small = cv2.resize(image[even], (width, height), interpolation=cv2.INTER_AREA)
+    if mask is None:
+        return small, None
+    return small, cv2.resize(mask[even], (width, height), interpolation=cv2.INTER_NEAREST)

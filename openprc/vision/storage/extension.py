@@ -1,0 +1,91 @@
+"""What the tracker keeps below ``/extensions/openprc-vision``, one row a frame, and its check."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from openprc.schema import Finding
+
+if TYPE_CHECKING:
+    from openprc.schema import Trajectory, TrajectoryWriter
+
+NAME = "openprc-vision"
+VERSION = "1.0"
+_MEANING = {
+    "quality": "zero-normalised cross-correlation with the template; NaN where not known",
+    "sigma": "one-sigma of the position along every axis; NaN where not known",
+    "status": "0 tracked, 1 lost, 2 out of bounds, 3 drift, 4 interpolated, 5 reference",
+    "template": "how many times the template of the point had been renewed",
+}
+
+
+def declare_tracking(
+    writer: TrajectoryWriter,
+    n_points: int,
+    n_dims: int,
+    *,
+    unit: str,
+    names: tuple[str, ...] = tuple(_MEANING),
+) -> None:
+    """Declare the series of a tracking run, before the first frame is appended.
+
+    Parameters
+    ----------
+    writer : TrajectoryWriter
+    n_points, n_dims : int
+        N and D of the positions.
+    unit : str
+        Of the positions, and so of sigma.
+    names : tuple of str
+        Which of ``quality`` (N,), ``sigma`` (N, D), ``status`` (N,) and ``template`` (N,) will
+        be given.
+    """
+    writer.declare_extension(NAME, VERSION)
+    for name in names:
+        row = (n_points, n_dims) if name == "sigma" else (n_points,)
+        writer.declare_extension_series(
+            NAME, name, row,
+            unit=unit if name == "sigma" else "1",
+            dtype={"status": "u1", "template": "i4"}.get(name, "f4"),
+            comment=_MEANING[name],
+        )  # fmt: skip
+
+
+def tracking_rows(arrays: Mapping[str, Any]) -> dict[tuple[str, str], Any]:
+    """Return what `TrajectoryWriter.append` takes as ``extensions``, from arrays by name."""
+    return {(NAME, name): array for name, array in arrays.items()}
+
+
+def check(trajectory: Trajectory) -> Iterator[Finding]:
+    """Yield findings about status codes that do not exist, or that the mask contradicts."""
+    if "status" not in trajectory.extension_names(NAME):
+        return
+    path = f"/extensions/{NAME}/status"
+    status = trajectory.extension(NAME, "status")
+    if status.size and int(status.max()) > 5:
+        yield Finding(
+            code="VISION-01",
+            level="error",
+            path=path,
+            found=f"a status of {int(status.max())}",
+            expected="0 to 5",
+            fix="track the video again",
+        )
+        return
+    if not trajectory.has("/time_series/nodes/observed"):
+        return
+    lost = np.isin(status, (1, 2, 3))
+    observed = trajectory.observed()
+    if lost.shape == observed.shape and (lost & (observed > 0)).any():
+        frame, point = (int(i) for i in np.argwhere(lost & (observed > 0))[0])
+        yield Finding(
+            code="VISION-02",
+            level="warning",
+            path=path,
+            found=f"point {point} is lost in frame {frame} and has a position",
+            expected="no position where a point is lost",
+            fix="track the video again",
+        )
