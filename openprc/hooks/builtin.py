@@ -7,6 +7,7 @@ from openprc.hooks.specs import (
     BenchmarkSpec,
     DetectorSpec,
     ExporterSpec,
+    ExtensionSpec,
     FeatureSpec,
     OptionSpec,
     ProducerSpec,
@@ -238,3 +239,15 @@ def openprc_detectors() -> list[DetectorSpec]:
         ("akaze", "Blobs in a nonlinear scale space", "Akaze"),
     )
     return [DetectorSpec(n, s, f"openprc.vision.detection.detectors:{c}") for n, s, c in rows]
+
+
+@hookimpl
+def openprc_extensions() -> list[ExtensionSpec]:
+    """What the tracker keeps of every point."""
+    return [
+        ExtensionSpec(
+            name="openprc-vision",
+            summary="Quality, sigma, status and template of tracked points",
+            load="openprc.vision.storage.extension:check",
+        )
+    ]

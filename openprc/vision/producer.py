@@ -66,8 +66,8 @@ class VisionProducer:
         self.tracked: TrackedVideo | None = None
 
     def sniff(self, path: Path) -> float:
-        """Return 0.7 for what begins like a video, 0.3 for the name alone; see `sniff_video`."""
-        from openprc.vision.source.sniffing import sniff_video  # noqa: PLC0415 - kept light
+        """Return 0.7 for what is a recording by its content, 0.3 for the name alone; see `sniff_video`."""
+        from openprc.vision.sniffing import sniff_video  # noqa: PLC0415 - kept light
 
         return sniff_video(Path(path))
 

@@ -15,6 +15,9 @@ from openprc.schema import safety
 from openprc.vision.import_settings import ImportSettings
 from openprc.vision.opencv import load_cv2
 
+#: One-sigma [px] for noise of one grey level up to which a detected point is followed.
+_COARSEST = 0.3
+
 
 @dataclass(frozen=True)
 class StartPoints:
@@ -105,8 +108,11 @@ def _detected(
     margin = max(settings.win_size, settings.subset if settings.refine == "icgn" else 0) // 2 + 1
     places = np.asarray(found.keypoints, dtype=np.float64)
     height, width = image.shape
+    # A feature that light grain moves by more than this is none to follow.
+    sharp = found.track_sigma <= _COARSEST if len(found) else np.zeros(0, dtype=bool)
     inside = (
-        (places[:, 0] >= margin)
+        sharp
+        & (places[:, 0] >= margin)
         & (places[:, 1] >= margin)
         & (places[:, 0] <= width - 1 - margin)
         & (places[:, 1] <= height - 1 - margin)

@@ -30,8 +30,8 @@ class Choices:
     Parameters
     ----------
     features : feature or sequence of features, optional
-        By default the displacements of the nodes that move, in the coordinates in which any
-        node moves; in a file without positions, or where no node moves, all channels.
+        By default the displacements of the nodes that move and are known in every frame, in the
+        coordinates in which any of them moves; in a file without positions, or where no node moves, all channels.
     readout : estimator, optional
         By default ``Ridge()``.
     split : Split
@@ -94,7 +94,8 @@ def default_features(loader: StateLoader) -> Feature:
     """Choose the states of a file: displacements of what moves, else all channels.
 
     Nodes that never move, and coordinates in which no node moves, carry no information; they
-    would only inflate the number of states.
+    would only inflate the number of states. Nodes with missing samples are passed over as long as
+    nothing was said about those (``missing="error"``) and there are others.
 
     Raises
     ------
@@ -102,12 +103,13 @@ def default_features(loader: StateLoader) -> Feature:
         When the file has neither moving nodes nor channels.
     """
     if loader.n_nodes:
-        positions = loader.positions()
+        nodes = complete_nodes(loader)
+        positions = loader.positions(nodes.tolist())
         flat = positions.reshape(len(positions), -1)
         moves = ~is_constant(flat).reshape(positions.shape[1:])
         if moves.any():
             return NodeDisplacements(
-                node_ids=np.flatnonzero(moves.any(axis=1)).tolist(),
+                node_ids=nodes[moves.any(axis=1)].tolist(),
                 dims=np.flatnonzero(moves.any(axis=0)).tolist(),
             )
     if loader.channels:
@@ -118,6 +120,32 @@ def default_features(loader: StateLoader) -> Feature:
         fix="check that the drive reached the body",
         file=loader.path,
         key="/time_series",
+    )
+
+
+def complete_nodes(loader: StateLoader) -> NDArray[np.intp]:
+    """Return the nodes that may become states, (n,): those that are known in every frame.
+
+    All nodes where the loader has been told what to do about missing samples, and where no node
+    is complete, so that the loader says what is missing.
+    """
+    every = np.arange(loader.n_nodes)
+    if loader.missing != "error":
+        return every
+    gaps = np.isnan(np.asarray(loader.trajectory.positions())).any(axis=(0, 2))
+    return every if gaps.all() else every[~gaps]
+
+
+def left_out_remark(loader: StateLoader) -> str:
+    """Say how many nodes `default_features` passed over, or nothing."""
+    if not loader.n_nodes:
+        return ""
+    count = loader.n_nodes - len(complete_nodes(loader))
+    if not count:
+        return ""
+    return (
+        f"{count} of {loader.n_nodes} nodes were not measured in every frame and are no states; "
+        "--missing interpolate or --missing drop takes them in"
     )
 
 

@@ -7,7 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from openprc.analysis.benchmarks.baseline import NETWORK_SEEDS
-from openprc.analysis.benchmarks.choices import Choices, choose_input, open_trainer
+from openprc.analysis.benchmarks.choices import (
+    Choices,
+    choose_input,
+    left_out_remark,
+    open_trainer,
+)
 from openprc.analysis.benchmarks.task_benchmark import TaskBenchmark
 from openprc.analysis.tasks.narma import NarmaTask
 from openprc.analysis.tasks.series import TaskData
@@ -119,9 +124,12 @@ def score_file(
         if experiment_dir is not None:
             score.save()
         producer = str(loader.trajectory.provenance.get("producer", "unknown"))
+        remark = left_out_remark(loader) if choices.features is None else ""
         run_id = loader.run_id
     metrics, metadata = score.metrics, score.metadata
     warnings = list(metadata.get("warnings", ()))
+    if remark:
+        warnings.append(remark)
     if metadata["n_test"] < _FEW_TEST_ROWS:
         warnings.append(f"only {metadata['n_test']} test rows: the error is uncertain")
     return ScoreReport(

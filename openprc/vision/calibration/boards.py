@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import CalibrationError
+from openprc.vision.calibration.corner_refinement import refine_corners
 from openprc.vision.calibration.mapping import Array, finite, length_unit
 from openprc.vision.opencv import load_cv2
 
@@ -99,6 +100,11 @@ class Board:
             np.arange(grid.size // 2), self.points, np.ascontiguousarray(best.reshape(-1, 2))
         )
 
+    def _refined(self, image: NDArray[np.uint8], view: BoardView, *, free: float) -> BoardView:
+        plane = view.points[:, :2]
+        pixels = refine_corners(image, plane, view.pixels, square=self.square, free=free)
+        return BoardView(view.ids, view.points, pixels)
+
     def _missing(self, what: str) -> CalibrationError:
         return CalibrationError(
             f"{what} not found",
@@ -141,7 +147,8 @@ class Chessboard(Board):
             found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
         if not found:
             raise self._missing(f"a chessboard with {self.columns} x {self.rows} inner corners was")
-        return self._upright(np.asarray(corners, np.float64).reshape(-1, 2))
+        view = self._upright(np.asarray(corners, np.float64).reshape(-1, 2))
+        return self._refined(image, view, free=0.45)
 
 
 @dataclass(frozen=True)
@@ -258,4 +265,7 @@ class Charuco(Board):
             )
         order = np.argsort(found)
         pixels = np.asarray(corners, np.float64).reshape(-1, 2)[order]
-        return BoardView(found[order], self.points[found[order]], pixels)
+        view = BoardView(found[order], self.points[found[order]], pixels)
+        # From a corner the nearest of a marker is across the diagonal of the margin around it.
+        margin = 0.5 * (self.square - self.marker) / self.square
+        return self._refined(image, view, free=min(0.45, 1.3 * margin))

@@ -333,7 +333,8 @@ def _notes(views: list[FittedView], camera: CameraCalibration, coverage: float) 
             f"the reprojection error of {rms:.2f} px is large: is the board flat, are the counts "
             "and the model right, and are the pictures sharp?"
         )
-    bad = [view.name for view in views if view.rms > 3.0 * np.median([v.rms for v in views])]
+    usual = float(np.median([view.rms for view in views]))
+    bad = [view.name for view in views if view.rms > max(3.0 * usual, 0.2)]
     if bad:
         notes.append("views that fit much worse than the others: " + ", ".join(bad[:5]))
     return notes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openprc.errors import ConfigError, VideoError
-from openprc.vision.source.time_axis import check_rate
+from openprc.vision.source.time_axis import check_rate, count_fault
 from openprc.vision.source.video_source import VideoSource
 
 
@@ -38,10 +38,14 @@ class ArrayImages:
         """Return nothing: there is no file."""
         return []
 
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
+    def images(self, *, start: int = 0) -> Generator[tuple[NDArray[Any], float]]:
         """Yield image and stamp [s] from frame `start` on."""
         for k in range(start, self.frame_count):
             yield np.asarray(self._images[k]), float(self._times[k])
+
+    def ended(self, decoded: int) -> list[str]:
+        """Return what turned out to be wrong when `decoded` frames had been read."""
+        return count_fault(self.frame_count, decoded)
 
 
 class ArraySource(VideoSource):
@@ -63,7 +67,7 @@ class ArraySource(VideoSource):
     Raises
     ------
     ConfigError
-        Neither rate nor times, or as many times as there are not images.
+        Neither rate nor times, or both; times that do not fit the images or do not increase.
     VideoError
         No image; or a frame differs from the first in size or type.
     """
@@ -105,6 +109,14 @@ def _clock(
     count: int, fps: float | None, times: ArrayLike | None, name: str
 ) -> tuple[NDArray[np.float64], float]:
     """Return the stamps [s] and the rate [Hz]."""
+    if times is not None and fps is not None:
+        raise ConfigError(
+            "both fps and times are given",
+            expected="one of the two",
+            fix="leave one out",
+            file=name,
+            key="fps",
+        )
     if times is None:
         if fps is None:
             raise ConfigError(
@@ -125,6 +137,4 @@ def _clock(
             file=name,
             key="times",
         )
-    if fps is None:
-        fps = 1.0 / float(np.median(np.diff(stamps))) if count > 1 else np.nan
-    return stamps, float(fps)
+    return stamps, 1.0 / float(np.median(np.diff(stamps))) if count > 1 else np.nan

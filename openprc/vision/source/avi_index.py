@@ -8,7 +8,7 @@ is lost. Format: Microsoft, "AVI RIFF File Reference".
 
 from __future__ import annotations
 
-import struct
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,33 +20,51 @@ _ENTRY = np.dtype([("id", "S4"), ("flags", "<u4"), ("offset", "<u4"), ("size", "
 _MOST = 1 << 28
 
 
-def lost_frames(path: Path) -> tuple[int, ...] | None:
-    """Return the numbers of the frames whose chunks are destroyed; None without an index.
+@dataclass(frozen=True)
+class AviIndex:
+    """The video chunks of an AVI file.
 
-    Frames of size 0 stand for "show the one before again" and are not lost.
+    Attributes
+    ----------
+    present : (n,) int
+        The numbers of the frames whose chunks are there, in order.
+    total : int
+        How many the index lists.
     """
+
+    present: NDArray[np.int64]
+    total: int
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """The numbers of the frames whose chunks are destroyed."""
+        return tuple(sorted(set(range(self.total)) - set(self.present.tolist())))
+
+
+def read_index(path: Path) -> AviIndex | None:
+    """Look at every chunk that the index names; None where there is no index to go by."""
     with path.open("rb") as stream:
         found = _index(stream, path.stat().st_size)
         if found is None:
             return None
         movi, entries = found
-        video = np.array([_is_video(name) for name in entries["id"]], dtype=bool)
-        entries = entries[video]
+        entries = entries[[_is_video(name) for name in entries["id"].tolist()]]
         if not len(entries):
             return None
         # Offsets count from the letters "movi" or, with some writers, from the file's start.
         base = movi if int(entries["offset"][0]) < movi else 0
-        return tuple(k for k, entry in enumerate(entries) if not _intact(stream, entry, base))
+        there = [_is_there(stream, entry, base) for entry in entries]
+        return AviIndex(np.flatnonzero(there), len(entries))
 
 
 def _is_video(name: bytes) -> bool:
     return len(name) == 4 and name[:2].isdigit() and name[2:] in (b"dc", b"db")
 
 
-def _intact(stream: BinaryIO, entry: np.void, base: int) -> bool:
+def _is_there(stream: BinaryIO, entry: np.void, base: int) -> bool:
+    # Its letters are what the decoder looks for; a wrong size spoils the picture only.
     stream.seek(base + int(entry["offset"]))
-    head = stream.read(8)
-    return head == bytes(entry["id"]) + struct.pack("<I", int(entry["size"]))
+    return stream.read(4) == bytes(entry["id"])
 
 
 def _index(stream: BinaryIO, size: int) -> tuple[int, NDArray[np.void]] | None:

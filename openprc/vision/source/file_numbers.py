@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from openprc.errors import VideoError
@@ -89,7 +90,7 @@ def order_files(paths: Sequence[Path], *, folder: Path) -> NumberedFiles:
 
 
 def _with_holes(paths: list[Path], numbers: list[int], *, width: int) -> NumberedFiles:
-    steps = [b - a for a, b in zip(numbers, numbers[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(numbers)]
     step = math.gcd(*steps)
     # Numbers such as time stamps have no usual step; neither have two files.
     if steps.count(step) < 0.5 * len(steps):
@@ -100,7 +101,7 @@ def _with_holes(paths: list[Path], numbers: list[int], *, width: int) -> Numbere
         )
     places = tuple((number - numbers[0]) // step for number in numbers)
     missing: list[str] = []
-    for before, after in zip(numbers, numbers[1:], strict=False):
+    for before, after in pairwise(numbers):
         # The first ones are enough for a message: a number can be as long as a name.
         for number in range(before + step, min(after, before + 1000 * step), step):
             missing.append(f"{number:0{width}d}")

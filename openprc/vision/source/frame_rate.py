@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 #: Rates that cameras and broadcasters use [Hz].
 _USUAL = np.array(
-    [*(n * 1000 / 1001 for n in (24, 30, 48, 60, 120, 240)), 10, 12, 12.5, 15, 20, 24, 25, 30]
-    + [48, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 480, 500, 600, 960, 1000]
+    [
+        *(n * 1000 / 1001 for n in (24, 30, 48, 60, 120, 240)),
+        *(10, 12, 12.5, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 125),
+        *(200, 240, 250, 300, 400, 480, 500, 600, 960, 1000),
+    ]
 )
 #: Units in which containers count time [s]: Matroska and ASF, QuickTime, MPEG.
 _UNITS = (1e-3, 1 / 600, 1 / 12800, 1 / 15360, 1 / 30000, 1 / 60000, 1 / 90000, 1e-6, 1e-7)

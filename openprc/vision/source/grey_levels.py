@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, VideoError
 from openprc.vision.opencv import load_cv2
+from openprc.vision.source.interlacing import MOSAIC, looks_like_mosaic
 
 #: Depths that cameras have [bit].
 _DEPTHS = (8, 10, 12, 14, 16)
+_MOSAICS = ("RGGB", "BGGR", "GRBG", "GBRG")
 
 
 class GreyLevels:
@@ -29,19 +31,33 @@ class GreyLevels:
     value_range : (low, high), optional
         The values that become grey 0 and 255. Left out for 8-bit input, where nothing is
         scaled; for 16 bit it is the smallest usual depth (8, 10, 12, 14, 16 bit) that holds
-        the first frame, for floating point 0..1 or 0..255.
+        the first frames, for floating point 0..1 or 0..255.
+    bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+        The images are raw colour mosaics: the colours of the upper left 2 x 2 pixels.
     file : path, optional
         For messages.
     """
 
     def __init__(
-        self, value_range: tuple[float, float] | None = None, *, file: Path | str | None = None
+        self,
+        value_range: tuple[float, float] | None = None,
+        *,
+        bayer: str | None = None,
+        file: Path | str | None = None,
     ) -> None:
         self.value_range = None if value_range is None else _checked(value_range)
+        if bayer is not None and bayer not in _MOSAICS:
+            raise ConfigError(
+                f"bayer is {bayer!r}",
+                expected="one of " + ", ".join(_MOSAICS),
+                fix="name the colours of the upper left 2 x 2 pixels, row by row",
+                key="bayer",
+            )
+        self.bayer = bayer
         self.file = file
         self.notes: list[str] = []
         self._form: tuple[tuple[int, ...], np.dtype[Any]] | None = None
-        self._clipped = 0
+        self._high = 0.0
 
     def convert(self, image: NDArray[Any], *, index: int) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """Return grey (H, W) uint8 and intensity (H, W) of the frame number `index`.
@@ -53,25 +69,39 @@ class GreyLevels:
         ConfigError
             Floating point values that need a `value_range`.
         """
-        self._check(image, index)
-        plane = self._one_channel(image)
+        plane = self._plane(image, index)
         if plane.dtype == np.uint8 and self.value_range is None:
             return plane, plane
-        if plane.dtype == np.bool_:
-            plane = plane.astype(np.uint8) * np.uint8(255)
-            return plane, plane
-        if plane.dtype not in (np.uint8, np.uint16):
-            plane = plane.astype(np.float32)
-            if not np.isfinite(plane).all():
-                raise VideoError(
-                    f"frame {index} holds values that are not finite",
-                    expected="finite intensities",
-                    fix="replace them before tracking; masked pixels take the background's value",
-                    file=self.file,
-                )
         if self.value_range is None:
             self.value_range = self._default_range(plane)
         return self._scaled(plane), plane
+
+    def learn(self, image: NDArray[Any], *, index: int) -> None:
+        """Look at one of the first frames to find out which values occur."""
+        plane = self._plane(image, index)
+        if index == 0 and self.bayer is None and looks_like_mosaic(image):
+            self._note(MOSAIC)
+        if plane.dtype == np.uint16:
+            self._high = max(self._high, float(plane.max()))
+
+    def _plane(self, image: NDArray[Any], index: int) -> NDArray[Any]:
+        """Return the image in one channel: uint8, uint16 or float32."""
+        self._check(image, index)
+        if image.dtype == np.bool_:
+            image = image.astype(np.uint8) * np.uint8(255)
+        elif image.dtype not in (np.uint8, np.uint16):
+            # Also puts the bytes of a foreign machine in order.
+            small = image.dtype.kind == "u" and image.dtype.itemsize == 2
+            image = image.astype(np.uint16 if small else np.float32)
+        plane = np.ascontiguousarray(self._one_channel(image))
+        if plane.dtype == np.float32 and not np.isfinite(plane).all():
+            raise VideoError(
+                f"frame {index} holds values that are not finite",
+                expected="finite intensities",
+                fix="replace them before tracking, masked pixels by the background's value",
+                file=self.file,
+            )
+        return plane
 
     def _check(self, image: NDArray[Any], index: int) -> None:
         form = (image.shape, image.dtype)
@@ -101,6 +131,9 @@ class GreyLevels:
 
     def _one_channel(self, image: NDArray[Any]) -> NDArray[Any]:
         if image.ndim == 2:
+            if self.bayer is not None:
+                cv2 = load_cv2()
+                return cv2.cvtColor(image, getattr(cv2, f"COLOR_Bayer{self.bayer}2GRAY"))
             return image
         if image.shape[2] == 1:
             return image[:, :, 0]
@@ -108,17 +141,16 @@ class GreyLevels:
         if image.shape[2] == 4:
             self._note("the images have an alpha channel, which is not used")
             image = np.ascontiguousarray(image[:, :, :3])
-        if image.dtype not in (np.uint8, np.uint16):
-            image = image.astype(np.float32)
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
     def _default_range(self, plane: NDArray[Any]) -> tuple[float, float]:
-        low, high = float(plane.min()), float(plane.max())
+        low, high = float(plane.min()), max(self._high, float(plane.max()))
         if plane.dtype == np.uint16:
-            depth = next(depth for depth in _DEPTHS if high < 2**depth)
+            # Blank frames at the start tell nothing.
+            depth = next(depth for depth in _DEPTHS if high < 2**depth) if high else 16
             self._note(
-                f"16-bit values up to {high:g} in the first frame: grey levels show the range 0 to "
-                f"{2**depth - 1} ({depth} bit); option value_range sets another"
+                f"16-bit values up to {high:g} in the first frames: grey levels show the range "
+                f"0 to {2**depth - 1} ({depth} bit); option value_range sets another"
             )
             return 0.0, 2.0**depth - 1.0
         for top in (1.0, 255.0):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from openprc.errors import ConfigError, UnreadableFile, VideoError
 from openprc.vision.opencv import load_cv2
 from openprc.vision.source.file_numbers import order_files
+from openprc.vision.source.time_axis import count_fault
 
 #: Suffixes of image files that OpenCV reads without further libraries.
 SUFFIXES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg", ".jp2", ".pgm", ".ppm", ".webp")
@@ -92,10 +93,14 @@ class ImageSequence:
         """Return the files in order."""
         return self._paths
 
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
+    def images(self, *, start: int = 0) -> Generator[tuple[NDArray[Any], float]]:
         """Yield image and stamp [s] from frame `start` on."""
         for k in range(start, self.frame_count):
             yield read_image(self._paths[k], index=k), float(self._stamps[k])
+
+    def ended(self, decoded: int) -> list[str]:
+        """Return what turned out to be wrong when `decoded` frames had been read."""
+        return count_fault(self.frame_count, decoded)
 
 
 def read_image(path: Path, *, index: int) -> NDArray[Any]:

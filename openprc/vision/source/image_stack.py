@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from openprc.errors import ConfigError, VideoError
 from openprc.schema import safety
 from openprc.vision.opencv import load_cv2
+from openprc.vision.source.time_axis import count_fault
 
 SUFFIXES = (".npy", ".tif", ".tiff")
 
@@ -60,11 +61,15 @@ class ImageStack:
         """Return the file."""
         return [self._file]
 
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
+    def images(self, *, start: int = 0) -> Generator[tuple[NDArray[Any], float]]:
         """Yield image and stamp [s] from frame `start` on."""
         for k in range(start, self.frame_count):
             image = self._page(k) if self._array is None else np.array(self._array[k])
             yield image, k / self.declared_fps
+
+    def ended(self, decoded: int) -> list[str]:
+        """Return what turned out to be wrong when `decoded` frames had been read."""
+        return count_fault(self.frame_count, decoded)
 
     def _page(self, k: int) -> NDArray[Any]:
         cv2 = load_cv2()

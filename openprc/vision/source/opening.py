@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from openprc.errors import ConfigError
 from openprc.vision.source.arrays import ArraySource
 from openprc.vision.source.video_source import VideoSource
 
@@ -16,12 +15,27 @@ def open_source(source_or_path: Any, **options: Any) -> VideoSource:
 
     Parameters
     ----------
-    source_or_path : VideoSource, path-like, (T, H, W[, 3]) array, or list of images
+    source_or_path : VideoSource, path-like, list of paths, (T, H, W[, 3]) array, or images
     **options
-        Those of `VideoSource` or `ArraySource`; refused for a source that is open already.
+        Those of `VideoSource` or `ArraySource`.
+
+    Raises
+    ------
+    ConfigError
+        Options for a source that is open already.
     """
     if isinstance(source_or_path, str | Path):
         return VideoSource(source_or_path, **options)
-    if isinstance(source_or_path, np.ndarray | list | tuple):
-        return ArraySource(source_or_path, **options)
-    return source_or_path
+    if isinstance(source_or_path, VideoSource) or hasattr(source_or_path, "frames"):
+        if options:
+            raise ConfigError(
+                f"the source is open and the options {', '.join(sorted(options))} come too late",
+                expected="options on opening",
+                fix="pass them where the source is made",
+            )
+        return source_or_path
+    if isinstance(source_or_path, list | tuple) and all(
+        isinstance(item, str | Path) for item in source_or_path
+    ):
+        return VideoSource(source_or_path, **options)
+    return ArraySource(source_or_path, **options)

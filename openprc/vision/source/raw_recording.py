@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from openprc.errors import VideoError
 from openprc.schema import safety
+from openprc.vision.source.time_axis import count_fault
 
 SUFFIXES = (".mraw", ".cih", ".cihx")
 _MIB = 1 << 20
@@ -87,13 +88,17 @@ class RawRecording:
         """Return the files that hold the recording."""
         return [self._header_path, self.path]
 
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
+    def images(self, *, start: int = 0) -> Generator[tuple[NDArray[Any], float]]:
         """Yield image and stamp [s] from frame `start` on."""
         with self.path.open("rb") as stream:
             stream.seek(start * self._bytes)
             for k in range(start, self._held):
-                data = np.frombuffer(stream.read(self._bytes), dtype=np.uint8)
+                data = np.fromfile(stream, dtype=np.uint8, count=self._bytes)
                 yield self._unpacked(data), k / self.declared_fps
+
+    def ended(self, decoded: int) -> list[str]:
+        """Return what turned out to be wrong when `decoded` frames had been read."""
+        return count_fault(self.frame_count, decoded)
 
     def _unpacked(self, data: NDArray[np.uint8]) -> NDArray[Any]:
         shape = self._height, self._width

@@ -125,9 +125,9 @@ class TimeAxis:
         if dropped:
             missing = sum(drop.missing for drop in dropped)
             faults.append(
-                f"{len(dropped)} hole{'s' * (len(dropped) > 1)} in the time stamps, about {missing} "
-                f"frames; the first is {1e3 * dropped[0].seconds:.4g} ms long, after frame "
-                f"{dropped[0].after}"
+                f"{len(dropped)} hole{'s' * (len(dropped) > 1)} in the time stamps, about "
+                f"{missing} frames; the first is {1e3 * dropped[0].seconds:.4g} ms long, after "
+                f"frame {dropped[0].after}"
             )
         if len(duplicated):
             faults.append(
@@ -183,9 +183,12 @@ def _times(
     grid = fit_grid(known, declared) if len(known) >= 2 else None
     places = _places(grid, given) if grid is not None else None
     if fps is not None:
+        how = f"index / {fps:g} Hz, the rate that was asked for"
         if places is not None:
-            return places / fps, f"index / {fps:g} Hz, the rate that was asked for", 1 / fps, faults
-        return index / fps, f"index / {fps:g} Hz, the rate that was asked for", 1 / fps, faults
+            return places / fps, how, 1 / fps, faults
+        if len(known) >= 2:
+            how += "; the time stamps of the container are not regular and not used"
+        return index / fps, how, 1 / fps, faults
     if grid is not None and places is not None:
         unknown = int((~given).sum())
         how = f"index / {grid.rate:.6g} Hz, the constant rate of the time stamps"
@@ -232,10 +235,11 @@ def _holes(times: NDArray[np.float64], dt: float | None) -> tuple[Drop, ...]:
         return ()
     steps = np.diff(times)
     usual = dt if dt is not None else float(np.median(steps))
-    # At a variable rate, long steps are usual as well: a hole stands out of their spread.
     limit = HOLE * usual
     if dt is None:
-        limit = max(limit, HOLE * float(np.quantile(steps, 0.95)))
+        # At a variable rate long steps are usual as well: a hole lies far out of the quartiles.
+        low, high = np.quantile(steps, [0.25, 0.75])
+        limit = max(limit, float(high + 3.0 * (high - low)))
     found = np.flatnonzero(steps > limit)
     return tuple(
         Drop(int(i), max(1, round(float(steps[i]) / usual) - 1), float(steps[i])) for i in found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from openprc.errors import VideoError
 from openprc.vision.opencv import load_cv2
+from openprc.vision.source.avi_index import read_index
 from openprc.vision.source.containers import check_video, fourcc, why_not_opened
+from openprc.vision.source.time_axis import count_fault
 
 #: More frames than this are taken for a broken header.
 _HUGE = 2**31 - 1
+#: How often at least and at most a decoder that delivers nothing is asked again.
+_PATIENCE = (16, 100_000)
+#: Pixel format code of 16-bit grey, the one deep format that OpenCV hands out as it is.
+_GREY16 = b"Y1\x00\x10"
 
 
 class VideoFile:
@@ -40,7 +46,7 @@ class VideoFile:
         capture = self._open()
         try:
             self.codec = fourcc(int(capture.get(cv2.CAP_PROP_FOURCC)))
-            pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT))
+            pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(8, "little")[:4]
             declared = capture.get(cv2.CAP_PROP_FRAME_COUNT)
             self.declared_fps = float(capture.get(cv2.CAP_PROP_FPS))
             self.orientation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META))
@@ -49,7 +55,15 @@ class VideoFile:
         self.frame_count = int(declared) if 0 < declared < _HUGE else 0
         if self.frame_count == 0:
             self.faults.append(f"the container declares {declared:g} frames, which is no count")
-        self.deep = pixels in _GREY16
+        # Grey is taken as it is stored; colour is converted by the decoder.
+        self._plain = pixels in (_GREY16, b"Y800")
+        depth = _depth(pixels)
+        if depth > 8 and not self._plain:
+            self.notes.append(f"OpenCV reduces the {depth}-bit pixels of this video to 8 bit")
+        self.failed = 0
+        self._avi = read_index(path) if self.container == "AVI" else None
+        if self._avi is not None and not self._avi.lost:
+            self._avi = None
         if self.orientation:
             self.notes.append(
                 f"the container asks for a rotation by {self.orientation} degrees; the frames are "
@@ -64,32 +78,62 @@ class VideoFile:
             raise why_not_opened(self.path, self.container)
         return capture
 
-    def _opened(self) -> Any:
-        cv2 = load_cv2()
-        capture = self._open()
-        if self.deep:
-            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-        return capture
-
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
+    def images(self, *, start: int = 0) -> Generator[tuple[NDArray[Any], float]]:
         """Yield image and stamp [s] from frame `start` on, in the order of decoding.
 
         Frames before `start` are decoded and dropped: a seek can land beside the frame.
         """
         cv2 = load_cv2()
-        capture = self._opened()
+        capture = self._open()
+        if self._plain:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+        decoded, failed, gone = 0, 0, 0
         try:
-            for _ in range(start):
-                if not capture.grab():
-                    return
             while True:
-                delivered, image = capture.read()
+                # A failure is not the end: behind damaged frames there may be good ones.
+                if not capture.grab():
+                    failed += 1
+                    least, most = _PATIENCE
+                    if failed > max(least, min(most, self.frame_count - decoded)):
+                        self.failed = gone
+                        return
+                    continue
+                if decoded < start:
+                    decoded += 1
+                    continue
+                delivered, image = capture.retrieve()
                 if not delivered:
-                    return
-                # Right after read() this is the stamp of the frame just delivered.
-                yield image, float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
+                    continue
+                gone, failed, decoded = gone + failed, 0, decoded + 1
+                # Right after a frame is taken this is its own stamp.
+                stamp = float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
+                # MPEG program streams have frames without one, and 0 is reported for them.
+                yield image, self._placed(stamp) if stamp or decoded == 1 else np.nan
         finally:
             capture.release()
+
+    def _placed(self, stamp: float) -> float:
+        """Return the stamp of a frame, put right where the index knows of lost frames."""
+        if self._avi is None or not (np.isfinite(self.declared_fps) and self.declared_fps > 0):
+            return stamp
+        place = round(stamp * self.declared_fps)
+        if not 0 <= place < len(self._avi.present):
+            return stamp
+        return float(self._avi.present[place] / self.declared_fps)
+
+    def ended(self, decoded: int) -> list[str]:
+        """Return what turned out to be wrong when `decoded` frames had been read."""
+        faults = count_fault(self.frame_count, decoded)
+        if self.failed:
+            faults.append(
+                f"{self.failed} times the decoder stopped at damage and was made to go on"
+            )
+        if self._avi is not None:
+            faults.append(
+                f"the index of the file lists {len(self._avi.lost)} frames that are destroyed, the "
+                f"first is {self._avi.lost[0]}; the time stamps leave room for them"
+            )
+        return faults
 
     def files(self) -> list[Path]:
         """Return the file."""
@@ -97,8 +141,6 @@ class VideoFile:
 
     def no_frame(self) -> VideoError:
         """Return the error for a file that opens and delivers nothing."""
-        import cv2  # noqa: PLC0415, TID253 - loaded by now; its version is named
-
         fix = "convert it, for example to FFV1 or H.264"
         if self.codec.upper() == "AV01":
             fix += (
@@ -109,14 +151,18 @@ class VideoFile:
             fix += ", or install another version of the wheel opencv-python-headless"
         return VideoError(
             f"the {self.container} video (codec {self.codec}) opens but delivers no frame with "
-            f"OpenCV {cv2.__version__}; it declares {self.frame_count}",
+            f"OpenCV {load_cv2().__version__}; it declares {self.frame_count}",
             expected="frames that the installed OpenCV can decode",
             fix=fix,
             file=self.path,
         )
 
 
-#: Pixel format codes of 16-bit grey, little and big endian: "Y1" with the depth behind.
-_GREY16 = frozenset(
-    int.from_bytes(bytes(code), "little") for code in (b"Y1\x00\x10", b"\x10\x00\x31\x59")
-)
+def _depth(pixels: bytes) -> int:
+    """Return the bits per sample that a pixel format code such as Y3\\x0b\\x0a tells; else 8."""
+    for code in (pixels, pixels[::-1]):
+        if code[:1] == b"Y" and code[1:2] in b"1234" and 8 < code[3] <= 16:
+            return code[3]
+        if code[0] in (48, 64) and code[1:3] in (b"RG", b"BG"):
+            return 16
+    return 8

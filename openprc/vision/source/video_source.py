@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openprc.errors import ConfigError, VideoError
-from openprc.vision.source import image_stack, raw_recording
 from openprc.vision.source.content_hash import hash_source
 from openprc.vision.source.frame import Frame, same_pixels
+from openprc.vision.source.frame_rate import plausible_rate
 from openprc.vision.source.grey_levels import GreyLevels
-from openprc.vision.source.image_sequence import ImageSequence, find_images
-from openprc.vision.source.time_axis import TimeAxis, check_rate, count_fault
+from openprc.vision.source.interlacing import INTERLACED, CombCheck
+from openprc.vision.source.readers import Reader, open_reader
+from openprc.vision.source.time_axis import TimeAxis, check_rate
 from openprc.vision.source.video_file import VideoFile
 
-
-class Reader(Protocol):
-    """What a kind of storage has to offer; `notes` inform, `faults` are damage."""
-
-    kind: str
-    container: str
-    codec: str
-    declared_fps: float
-    frame_count: int
-    orientation: int
-    path: Path | None
-    value_range: tuple[float, float] | None
-    notes: list[str]
-    faults: list[str]
-
-    def files(self) -> list[Path]:
-        """Return the files that hold the recording; none for images in memory."""
-
-    def images(self, *, start: int = 0) -> Iterator[tuple[NDArray[Any], float]]:
-        """Yield image and stamp [s] from frame `start` on, in order."""
+#: So many frames are looked at on opening.
+_FIRST = 8
 
 
 class VideoSource:
@@ -48,13 +33,16 @@ class VideoSource:
     ----------
     path : path-like
         A video file; a folder of numbered images; a pattern such as ``img_%04d.png`` or
-        ``img_*.png``; a Photron recording (``.cih`` or ``.mraw``); a stack ``.npy``.
+        ``img_*.png``; a list of images in order; a Photron recording (``.cih`` or ``.mraw``);
+        a stack (``.npy`` or TIFF pages).
     fps : float [Hz], optional
         The rate of the camera; wins over what the file says. Required where it says nothing.
     strict : bool
         Raise where damage would otherwise only be noted.
     value_range : (low, high), optional
         What becomes grey 0 and 255 in recordings deeper than 8 bits; one for the whole clip.
+    bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+        The images are raw colour mosaics.
 
     Raises
     ------
@@ -72,19 +60,22 @@ class VideoSource:
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | Sequence[str | Path],
         *,
         fps: float | None = None,
         strict: bool = False,
         value_range: tuple[float, float] | None = None,
+        bayer: str | None = None,
     ) -> None:
         check_rate(fps)
+        reader = open_reader(path, fps=fps)
         self._begin(
-            open_reader(path, fps=fps),
-            name=Path(path).name,
+            reader,
+            name=reader.path.name if reader.path else "images",
             fps=fps,
             strict=strict,
             value_range=value_range,
+            bayer=bayer,
         )
 
     def _begin(
@@ -95,24 +86,56 @@ class VideoSource:
         fps: float | None,
         strict: bool,
         value_range: tuple[float, float] | None,
+        bayer: str | None = None,
     ) -> None:
         self._reader = reader
         self.name = name
         self.strict = strict
         self.asked_fps = fps
         self.decoded: int | None = None
-        self._levels = GreyLevels(value_range or reader.value_range, file=reader.path or name)
+        self._levels = GreyLevels(
+            value_range or reader.value_range, bayer=bayer, file=reader.path or name
+        )
         self._stream: Iterator[Frame] | None = None
         self._stray: Iterator[tuple[NDArray[Any], float]] | None = None
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
         self._notes: list[str] = []
         self._fault(*reader.faults)
-        first = next(iter(self._decoded()), None)
-        if first is None:
+        self._look_at_first_frames()
+
+    def _look_at_first_frames(self) -> None:
+        """Find size, depth and plausible rate, and fail now rather than at the end."""
+        stamps: list[float] = []
+        with closing(self._reader.images(start=0)) as images:
+            for image, stamp in islice(images, _FIRST):
+                self._levels.learn(image, index=len(stamps))
+                stamps.append(stamp)
+                self.bit_depth = 8 * image.itemsize
+        if not stamps:
             raise self._no_frame()
-        self.height, self.width = first.grey.shape
-        self.bit_depth = 8 * first.intensity.itemsize
+        with closing(self._decoded()) as frames:
+            self.height, self.width = next(frames).grey.shape
+        steps = np.diff(stamps)
+        regular = len(steps) > 0 and bool(np.all(steps > 0))
+        declared = plausible_rate(self._reader.declared_fps)
+        self._fps = self.asked_fps or declared or np.nan
+        if self.asked_fps is not None or len(steps) == 0:
+            return
+        if regular and (declared is None or not 0.5 < np.median(steps) * declared < 2.0):
+            self._fps = 1.0 / float(np.median(steps))
+            self._notes.append(
+                f"the container declares {self._reader.declared_fps:g} frames per second; the "
+                f"stamps of the first frames say {self._fps:.6g}, and stamps are what is used"
+            )
+        elif declared is None and not regular:
+            raise ConfigError(
+                f"there are no time stamps and the declared rate is {self._reader.declared_fps:g}",
+                expected="the rate at which the camera recorded",
+                fix="pass the option fps",
+                file=self.path or self.name,
+                key="fps",
+            )
 
     # --- what is known beforehand ---
 
@@ -143,8 +166,8 @@ class VideoSource:
 
     @property
     def fps(self) -> float:
-        """What was asked for, else what is declared; NaN where nothing is [Hz]."""
-        return float(self.asked_fps or self._reader.declared_fps)
+        """What was asked for, else declared, else what the first stamps say [Hz]."""
+        return float(self._fps)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -181,19 +204,22 @@ class VideoSource:
             count += 1
             yield frame
         self.decoded = count
-        self._fault(*count_fault(self.frame_count, count))
+        self._fault(*self._reader.ended(count))
 
-    def _decoded(self, start: int = 0) -> Iterator[Frame]:
+    def _decoded(self, start: int = 0) -> Generator[Frame]:
         if start < 0:
             raise ConfigError(
                 f"start is {start}", expected="a frame number from 0", fix="take 0", key="start"
             )
         # One frame more, to tell whether the first is a duplicate.
         before: NDArray[Any] | None = None
+        combs = CombCheck()
         early = max(0, start - 1)
         for index, (image, stamp) in enumerate(self._reader.images(start=early), start=early):
             grey, intensity = self._levels.convert(image, index=index)
             same = before is not None and same_pixels(before, intensity)
+            if grey is intensity and before is not None and combs.look(before, grey, index=index):
+                self._notes.append(INTERLACED)
             before = intensity
             if index >= start:
                 yield Frame(index, stamp, grey, intensity, same)
@@ -328,16 +354,3 @@ class VideoSource:
             fix="check the file",
             file=self.path or self.name,
         )
-
-
-def open_reader(path: str | Path, *, fps: float | None) -> Reader:
-    """Return the reader for a path, by what stands there."""
-    path = Path(path)
-    images = find_images(path)
-    if images is not None:
-        return ImageSequence(images, folder=path, fps=fps)
-    if path.suffix.lower() in raw_recording.SUFFIXES:
-        return raw_recording.RawRecording(path)
-    if path.suffix.lower() in image_stack.SUFFIXES:
-        return image_stack.ImageStack(path, fps=fps)
-    return VideoFile(path)

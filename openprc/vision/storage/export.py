@@ -85,7 +85,7 @@ def to_simulation(
             f"frames and left out: {names}{more}"
         )
         tracks = tracks.select_features(kept)
-    if max_gap > 0:
+    if max_gap != 0:
         tracks = tracks.fill_gaps(method, max_gap=max_gap)
     missing = int((tracks.observed == 0).sum())
     if missing:
@@ -95,7 +95,7 @@ def to_simulation(
         warnings.warn(
             "x and y have different scales, so that lengths and strains of bars are distorted; "
             "calibrate, or take NormalizedCalibration(isotropic=True)",
-            stacklevel=3,
+            stacklevel=2,
         )
     return write_simulation(
         path, tracks, bars=pairs, velocities=velocities, notes=notes, overwrite=overwrite

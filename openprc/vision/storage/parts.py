@@ -35,7 +35,9 @@ PARTS = {
     "signals": "signals",
 }
 #: Arrays of a feature map, one row a point.
-FEATURES = ("keypoints", "descriptors", "sizes", "angles", "responses", "octaves")
+FEATURES = (
+    "keypoints", "descriptors", "sizes", "angles", "responses", "octaves", "track_sigma",
+)  # fmt: skip
 #: Arrays of a tracking run beyond those that the older layout has.
 TRACKING_EXTRAS = ("quality", "sigma", "template", "deformation", "feature_ids")
 TRAJECTORY_EXTRAS = ("observed", "quality", "sigma", "template", "positions_px")
@@ -116,8 +118,8 @@ def write_feature_map(group: h5py.Group, features: FeatureMap) -> None:
     group.attrs["detector_name"] = storable(features.detector_name, key="detector_name")
     group.attrs["detector_config"] = as_json(features.detector_config)
     group.attrs["ref_frame_index"] = int(features.ref_frame_index)
-    if features.frame_shape is not None:
-        group.attrs["frame_shape"] = [int(edge) for edge in tuple(features.frame_shape)[:2]]
+    group.attrs["frame_shape"] = [int(edge) for edge in features.frame_shape]
+    group.attrs["notes"] = as_json(features.notes)
 
 
 def write_tracking(group: h5py.Group, result: TrackingResult) -> None:
@@ -136,9 +138,8 @@ def write_tracking(group: h5py.Group, result: TrackingResult) -> None:
         axis = plain(result.time_axis)
         axis.pop("times", None)  # they are the timestamps
         group.attrs["time_axis"] = as_json(axis)
-    shape = getattr(result, "frame_shape", None)
-    if shape is not None:
-        group.attrs["frame_shape"] = [int(edge) for edge in tuple(shape)[:2]]
+    if result.frame_shape is not None:
+        group.attrs["frame_shape"] = [int(edge) for edge in result.frame_shape]
 
 
 def write_trajectories(group: h5py.Group, tracks: TrajectorySet) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +42,23 @@ def read_feature_map(group: h5py.Group, path: Path) -> Any:
     for name, array in arrays.items():
         if array is not None and len(array) != len(keypoints):
             raise wrong(path, f"feature_map/{name}", f"{len(array)} rows", f"{len(keypoints)}")
-    shape = group.attrs.get("frame_shape")
+    n_points = len(keypoints)
+    # The older tracker knew no track_sigma, and rounded places to single precision.
+    blanks = {"sizes": 0.0, "angles": -1.0, "responses": 0.0, "octaves": 0, "track_sigma": np.nan}
+    for name, blank in blanks.items():
+        stored = arrays[name]
+        values = np.full(n_points, blank) if stored is None else stored
+        arrays[name] = values.astype(np.int32 if name == "octaves" else np.float64)
+    arrays["keypoints"] = keypoints.astype(np.float64)
+    edges = [int(edge) for edge in np.ravel(group.attrs.get("frame_shape", (0, 0)))]
     config = group.attrs.get("detector_config", "{}")
     return FeatureMap(
         **arrays,
         detector_name=str(_scalar(group.attrs.get("detector_name", ""))),
         detector_config=json_object(config, path, "feature_map@detector_config"),
         ref_frame_index=int(attribute(group, "ref_frame_index", 0)),
-        frame_shape=None if shape is None else tuple(int(edge) for edge in np.ravel(shape)[:2]),
+        frame_shape=(edges[0], edges[1]),
+        notes=_notes(group, path, "feature_map"),
     )
 
 
@@ -65,10 +73,7 @@ def read_tracking(group: h5py.Group, path: Path) -> TrackingResult:
         extras["feature_ids"] = np.array(tracks.ids)
     notes = _notes(group, path, "tracking")
     config, remark = _config(group, path)
-    optional: dict[str, Any] = {}
-    if any(item.name == "frame_shape" for item in fields(TrackingResult)):
-        edges = group.attrs.get("frame_shape")
-        optional["frame_shape"] = None if edges is None else tuple(int(e) for e in np.ravel(edges))
+    edges = group.attrs.get("frame_shape")
     return TrackingResult(
         positions=np.where((tracks.marks > 0)[..., np.newaxis], tracks.places, np.nan),
         status=tracks.status,
@@ -77,9 +82,9 @@ def read_tracking(group: h5py.Group, path: Path) -> TrackingResult:
         noise=attribute(group, "noise", float("nan")),
         config=config,
         time_axis=_time_axis(group, path, tracks.times.astype(np.float64)),
+        frame_shape=None if edges is None else tuple(int(edge) for edge in np.ravel(edges)),  # type: ignore[arg-type]
         notes=(*notes, *remark),
         **extras,
-        **optional,
     )
 
 

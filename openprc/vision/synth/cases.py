@@ -33,7 +33,8 @@ def _centre(shape: tuple[int, int]) -> tuple[float, float]:
 
 
 def _turned(k: float) -> np.ndarray:
-    angle, stretch = np.deg2rad(5.0) * _rise(k), 0.03 * _rise(k)
+    swing = np.sin(2.0 * np.pi * k / _CYCLE)
+    angle, stretch = np.deg2rad(5.0) * swing, 0.03 * swing
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]]) @ np.diag([1.0 + stretch, 1.0 - stretch])
 

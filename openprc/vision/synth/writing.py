@@ -48,6 +48,10 @@ def write_clip(
     path = Path(path)
     if not overwrite:
         atomic.refuse_existing(path)
+    if clip.shape[0] % 2 or clip.shape[1] % 2:
+        raise _refused(
+            path, codec, f"OpenCV would crop {clip.shape[1]} x {clip.shape[0]} px to even numbers"
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     # The suffix decides the container, so it stays at the end.
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
@@ -94,7 +98,8 @@ def _check(clip: Scene, partial: Path, path: Path, *, codec: str) -> None:
 def _refused(path: Path, codec: str, what: str) -> UnreadableFile:
     return UnreadableFile(
         f"the video was not written: {what} (codec {codec})",
-        expected="a codec and a container that this build of OpenCV can write",
-        fix="use FFV1 in .avi, mp4v in .mp4 or MJPG in .avi",
+        expected="an even width and height, and a codec and container that this build of OpenCV "
+        "can write",
+        fix="change the shape, or use FFV1 in .avi, mp4v in .mp4 or MJPG in .avi",
         file=path,
     )

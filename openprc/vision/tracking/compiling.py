@@ -22,6 +22,12 @@ def inner(function: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
+def part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that is called from compiled functions only."""
+    compiled: Callable[..., Any] = numba.njit(nogil=True, **_OPTIONS)(function)
+    return compiled
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function that Python calls, and keep the result on disk where there is a place.
 

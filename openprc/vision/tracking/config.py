@@ -70,7 +70,7 @@ class KLTConfig:
     refinement: RefineSettings = field(default_factory=RefineSettings)
     max_offset: float = 3.0
     max_step: float | None = None
-    max_sigma: float = 0.3
+    max_sigma: float = 0.2
     reacquire: bool = True
     search_radius: int = 10
     neighbours: int = 12

@@ -12,10 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.vision.tracking.local_motion import MAD_TO_SIGMA, masked_median
+from openprc.vision.tracking.local_motion import MAD_TO_SIGMA, local_motion, masked_median
 
 #: A point is out of line from this many robust deviations of its neighbours on.
 DEVIATIONS = 3.0
+#: Distance [px] from its place among its neighbours that is always allowed to a point.
+_ALLOWANCE = 0.7
+#: The same for another point as led to by a point's own deformation, for each pixel between them.
+_BENDING = 0.1
 
 
 def out_of_line(
@@ -52,3 +56,45 @@ def out_of_line(
     around = np.linalg.norm(theirs[suspects] - middle[suspects, None], axis=2)
     spread = MAD_TO_SIGMA * masked_median(around, valid[suspects])
     return suspects[own[suspects] > DEVIATIONS * spread]
+
+
+def out_of_place(
+    points: NDArray[np.intp],
+    reference: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    deformation: NDArray[np.float64],
+    found: NDArray[np.bool_],
+    neighbours: NDArray[np.intp],
+) -> NDArray[np.bool_]:
+    """Return which of `points` (n,) are not where their neighbours were deformed to.
+
+    A point is left alone if two of the neighbours that depart from the rest move as it does:
+    they are on a body of their own.
+
+    Parameters
+    ----------
+    points : (n,)
+        Rows of the table of neighbours.
+    reference, positions : (N, 2) [px]
+        In the reference frame and now.
+    deformation : (n, 2, 2)
+        Deformation gradient at `points`.
+    found : (N,)
+    neighbours : (N, k)
+    """
+    table = neighbours[points]
+    valid = found[table]
+    at = reference[points]
+    place = local_motion(reference[table], positions[table], valid, at)
+    away = np.linalg.norm(positions[points] - place.positions, axis=1)
+    limit = np.maximum(DEVIATIONS * place.spread, _ALLOWANCE)
+    with np.errstate(invalid="ignore"):
+        off = (away > limit) & (valid.sum(axis=1) >= 5)
+    if off.any():
+        offset = reference[table] - at[:, None]
+        led = positions[points][:, None] + np.einsum("nij,nkj->nki", deformation, offset)
+        apart = np.linalg.norm(positions[table] - led, axis=2)
+        near = apart < _ALLOWANCE + _BENDING * np.linalg.norm(offset, axis=2)
+        apart_from_rest = place.residuals > limit[:, None]
+        off &= (valid & near & apart_from_rest).sum(axis=1) < 2
+    return off

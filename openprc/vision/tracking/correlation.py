@@ -31,8 +31,9 @@ __all__ = [
 ]
 
 
-#: Parameters that are free at first, and how many there may be once noise is weighed.
-_FREE = {"translation": (2, 0), "affine": (6, 0), "quadratic": (12, 0), "auto": (6, 12)}
+#: Free parameters of each model; "auto" may go on to twelve, or back to two.
+_FREE = {"translation": 2, "affine": 6, "quadratic": 12, "auto": 6}
+#: Significance, in units of the noise, up to which deformation and curvature are taken for noise.
 PENALTY_DEFORMATION = 7.0
 PENALTY_CURVATURE = 12.0
 
@@ -102,7 +103,7 @@ class Correlator:
         margin = 1.5 * settings.max_shift
         search_boxes(ids, guesses, store.arrays, image.shape, margin, boxes)
         image.require(boxes)
-        start, most = _FREE[settings.model]
+        free = _FREE[settings.model]
         out = _answer(len(ids))
         refine(
             image.coefficients,
@@ -112,11 +113,9 @@ class Correlator:
             boxes,
             store.arrays,
             (
-                start,
-                most,
-                settings.max_iterations,
-                settings.tolerance,
-                settings.max_shift,
+                free,
+                settings.model == "auto",
+                (settings.max_iterations, settings.tolerance, settings.max_shift),
                 PENALTY_DEFORMATION,
                 PENALTY_CURVATURE,
             ),

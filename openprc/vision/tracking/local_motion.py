@@ -35,12 +35,15 @@ class LocalMotion:
         Robust standard deviation of the neighbours from the fit.
     counts : (n,)
         Neighbours that had a say.
+    residuals : (n, k) [px]
+        Departure of each neighbour from the fit.
     """
 
     positions: NDArray[np.float64]
     gradients: NDArray[np.float64]
     spread: NDArray[np.float64]
     counts: NDArray[np.intp]
+    residuals: NDArray[np.float64]
 
 
 def masked_median(values: NDArray[np.float64], valid: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -119,4 +122,4 @@ def local_motion(
         fit = np.where(enough[:, None, None], solved, fit)
     gradients = np.eye(2) + np.swapaxes(fit[:, 1:], 1, 2) / scale[:, None, None]
     positions = np.where(known[:, None], at + fit[:, 0], np.nan)
-    return LocalMotion(positions, gradients, spread, counts)
+    return LocalMotion(positions, gradients, spread, counts, residual)

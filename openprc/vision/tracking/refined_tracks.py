@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from openprc.vision.tracking import key_templates
 from openprc.vision.tracking.config import KLTConfig
-from openprc.vision.tracking.consistency import out_of_line
+from openprc.vision.tracking.consistency import out_of_line, out_of_place
 from openprc.vision.tracking.correlation import Correlator, PreparedImage, estimate_noise
 from openprc.vision.tracking.frame_search import FrameSearch
 from openprc.vision.tracking.local_motion import neighbour_table
@@ -34,6 +34,8 @@ _RETURN_QUALITY = 0.85
 _FRESH, _LATE = 10, 10
 #: Frames between two looks back to the template of the reference frame.
 _LOOK_BACK = 5
+#: A point that correlates less than this is held to its place among its neighbours.
+_FAINT = 0.97
 #: Frames for which a lost point is taken to go on as it did.
 _COASTING = 10
 #: Lost points for which a larger surrounding is searched in one frame.
@@ -85,6 +87,7 @@ class RefinedTracks:
             else:
                 search.found &= state.tracked
         drifted |= self._check_neighbours(search, before)
+        drifted |= self._check_places(search)
         self._commit(search, before, drifted, frame)
         self._renew(image, frame.index)
         self._before = frame.grey
@@ -253,6 +256,31 @@ class RefinedTracks:
         astray = ~matches & ~search.led[suspects]
         search.found[suspects[astray]] = False
         drifted[suspects[astray]] = True
+        return drifted
+
+    def _check_places(self, search: FrameSearch) -> NDArray[np.bool_]:
+        """Return which points have slid away from their place among their neighbours (N,).
+
+        Only of points whose correlation is low, because of noise or because something is in
+        the way: they may slide by steps that are too small to be noticed one by one.
+        """
+        state = self._state
+        drifted = np.zeros(len(state.reference), bool)
+        with np.errstate(invalid="ignore"):
+            faint = np.flatnonzero(search.found & (search.quality < _FAINT))
+        if len(faint):
+            slid = faint[
+                out_of_place(
+                    faint,
+                    state.reference,
+                    search.warps[:, :2],
+                    (gradients(search.warps) @ state.base)[faint],
+                    search.found,
+                    self._neighbours,
+                )
+            ]
+            search.found[slid] = False
+            drifted[slid] = True
         return drifted
 
     def _commit(

@@ -50,6 +50,8 @@ class TrackingResult:
     noise : float [grey levels]
         One-sigma of the image noise as estimated, NaN where not known.
     config : KLTConfig, optional
+    frame_shape : (int, int), optional
+        Height and width of the images [px].
     notes : tuple of str
         What the user should know.
     """
@@ -66,6 +68,7 @@ class TrackingResult:
     feature_ids: NDArray[np.intp] = field(default=None)  # type: ignore[assignment]
     noise: float = np.nan
     config: KLTConfig | None = None
+    frame_shape: tuple[int, int] | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

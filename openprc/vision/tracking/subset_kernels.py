@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from openprc.vision.tracking.compiling import inner, kernel
+from openprc.vision.tracking.compiling import inner, kernel, part
 
 ACCEPTED, NO_TEMPLATE, LEFT_IMAGE, NOT_CONVERGED, BELOW_GATE, SINGULAR = range(6)
 #: Sums that `_measure` makes: of g, g², g f, and of g times every column of the Jacobian.
@@ -24,6 +24,12 @@ N_SUMS = 15
 _SMALLEST = 0.1
 #: Single precision may put the outermost pixels of a window a little further out [px].
 _SLACK = 1e-4
+#: Steps shorter than this are taken for the end of a linear convergence [px].
+_NEAR = 0.3
+#: Variance of an image, over that of the template, below which there is nothing to match.
+_FLAT = 1e-10
+#: A bent window does not put the point further than this from where the affine one is [px].
+_BENT_SHIFT = 1.0
 
 _F = np.float32
 _SIXTH, _TWO_THIRDS, _HALF, _ONE = _F(1.0 / 6.0), _F(2.0 / 3.0), _F(0.5), _F(1.0)
@@ -241,29 +247,105 @@ def search_boxes(ids, guesses, store, shape, margin, boxes):
             boxes[n, 3] = min(int(reach[3] + margin) + 1, height - 1)
 
 
+@part
+def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
+    """Move a warp until it stays where it is.
+
+    Return the reason for the end, the residual's sum of squares, the spread of the image's values
+    over that of the template's, ZNCC, and the number of iterations. Right sides of the last normal
+    equations are left in `work`.
+    """
+    most, tolerance, max_shift = limits
+    height, width = shape
+    g, sums, b, step, last = work
+    side = store.values.shape[1]
+    energy, corner = store.energy[t], store.offset[t]
+    rest, scale, zncc = np.nan, np.nan, np.nan
+    before, rate, relaxation = np.inf, 0.3, 1.0
+    for iteration in range(most):
+        reach = _reach(warp, corner, side)
+        if not _within(reach, -_SLACK, width - 1 + _SLACK, -_SLACK, height - 1 + _SLACK):
+            return LEFT_IMAGE, rest, scale, zncc, iteration
+        if not _within(reach, box[0] - _SLACK, box[1] + _SLACK, box[2] - _SLACK, box[3] + _SLACK):
+            return NOT_CONVERGED, rest, scale, zncc, iteration
+        _measure(c, warp, free > 6, store, t, g, sums)
+        square = sums[1] - sums[0] * sums[0] / (side * side)
+        product = sums[2]
+        if not square > _FLAT * energy:
+            return BELOW_GATE, rest, scale, zncc, iteration + 1
+        scale = np.sqrt(square / energy)
+        for k in range(12):
+            b[k] = (
+                sums[3 + k]
+                - sums[0] * store.mean_jacobian[t, k]
+                - product * store.value_jacobian[t, k]
+            )
+        if free == 2:
+            explained = _solve(store.to_translation[t], b, 2, step)
+        elif free == 6:
+            explained = _solve(store.to_affine[t], b, 6, step)
+        else:
+            explained = _solve(store.to_quadratic[t], b, 12, step)
+        rest = max(square - product * product / energy - explained, 0.0)
+        zncc = np.sqrt(max(1.0 - rest / square, 0.0)) * (1.0 if product > 0.0 else -1.0)
+        length, along = 0.0, 0.0
+        for k in range(free):
+            step[k] /= scale
+            length += (way[k] * step[k]) ** 2
+            along += way[k] ** 2 * step[k] * last[k]
+            last[k] = step[k]
+        length = np.sqrt(length)
+        # Noise in the template makes steps too short or too long in weak directions: Aitken's
+        # relaxation learns from the step before by how much.
+        if before < np.inf and length < _NEAR:
+            relaxation /= min(max(1.0 - along / before**2, 0.2), 2.0)
+            relaxation = min(max(relaxation, 0.5), 5.0)
+            for k in range(free):
+                step[k] *= relaxation
+        if not _advance(warp, step, free):
+            return SINGULAR, rest, scale, zncc, iteration + 1
+        if np.hypot(warp[0] - guess[0], warp[1] - guess[1]) > max_shift:
+            return NOT_CONVERGED, rest, scale, zncc, iteration + 1
+        if iteration > 0:
+            rate = min(length / before, 0.9)
+        before = length
+        # What a linear convergence at this rate still has before it.
+        if length * rate / (1.0 - rate) <= tolerance:
+            return ACCEPTED, rest, scale, zncc, iteration + 1
+    return NOT_CONVERGED, rest, scale, zncc, most
+
+
+@part
+def _bent(b, rest, store, t, step, penalty):
+    """Say whether the residual of an affine match shows more curvature than noise makes."""
+    lowered = _solve(store.to_quadratic[t], b, 12, step) - _solve(store.to_affine[t], b, 6, step)
+    _solve(store.to_quadratic[t], b, 12, step)
+    variance = max(rest - lowered, 0.0) / (store.values.shape[1] ** 2 - 14)
+    return _significance(store.weight_q[t], step[6:]) > penalty * variance
+
+
 @kernel
 def refine(c, shape, ids, guesses, boxes, store, options, table, out):
     """Match templates, starting from guesses.
 
-    `options`: free parameters at first, free parameters that noise is weighed against (0: none),
-    iterations, tolerance [px], longest way [px], penalties of deformation and curvature.
+    `options`: free parameters; whether noise decides on them (from six on); limits of the
+    iteration (their number, tolerance and longest way [px]); penalties of deformation and of
+    curvature.
     """
-    start, most, max_iterations, tolerance, max_shift, penalty_a, penalty_q = options
-    height, width = shape
+    start, weighed, limits, penalty_a, penalty_q = options
     side = store.values.shape[1]
-    n_pixels = side * side
-    g = np.empty(side, np.float32)
-    sums, b, step, warp = np.empty(N_SUMS), np.empty(12), np.empty(12), np.empty(12)
+    work = (np.empty(side, np.float32), np.empty(N_SUMS), np.empty(12), np.empty(12), np.zeros(12))
+    warp, bent = np.empty(12), np.empty(12)
     # Root mean square way of the window's pixels for a unit of each parameter.
     way = np.ones(12)
     way[2:6] = side / np.sqrt(12.0)
     way[6:] = side**2 / np.sqrt(80.0)
     way[7] = way[10] = side**2 / 12.0
     for n in range(len(ids)):
-        t = ids[n]
-        warp[:6] = guesses[n]
+        t, guess, box = ids[n], guesses[n], boxes[n]
+        warp[:6] = guess
         warp[6:] = 0.0
-        out.warps[n] = guesses[n]
+        out.warps[n] = guess
         out.zncc[n] = np.nan
         out.sigma[n] = np.nan
         out.iterations[n] = 0
@@ -273,89 +355,51 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
         free = start
         if free == 2:
             warp[2:6] = 0.0
-        corner = store.offset[t]
-        energy = store.energy[t]
-        out.reason[n] = NOT_CONVERGED
         if not (1.0 + warp[2]) * (1.0 + warp[5]) - warp[3] * warp[4] > _SMALLEST:
             out.reason[n] = SINGULAR
             continue
-        before, rate = np.inf, 0.3
-        for iteration in range(max_iterations):
-            reach = _reach(warp, corner, side)
-            if not _within(reach, -_SLACK, width - 1 + _SLACK, -_SLACK, height - 1 + _SLACK):
-                out.reason[n] = LEFT_IMAGE
-                break
-            box = boxes[n]
-            if not _within(
-                reach, box[0] - _SLACK, box[1] + _SLACK, box[2] - _SLACK, box[3] + _SLACK
-            ):
-                break
-            out.iterations[n] = iteration + 1
-            _measure(c, warp, free > 6, store, t, g, sums)
-            square = sums[1] - sums[0] * sums[0] / n_pixels
-            product = sums[2]
-            if not square > 1e-10 * energy:
-                out.reason[n] = BELOW_GATE
-                break
-            scale = np.sqrt(square / energy)
-            for k in range(12):
-                b[k] = (
-                    sums[3 + k]
-                    - sums[0] * store.mean_jacobian[t, k]
-                    - product * store.value_jacobian[t, k]
+        reason, rest, scale, zncc, count = _iterate(
+            c, shape, box, guess, warp, free, store, t, limits, way, work
+        )
+        if weighed and reason == ACCEPTED:
+            if _bent(work[2], rest, store, t, work[3], penalty_q):
+                bent[:] = warp
+                ended, rest_q, scale_q, zncc_q, more = _iterate(
+                    c, shape, box, guess, bent, 12, store, t, limits, way, work
                 )
-            if free == 2:
-                explained = _solve(store.to_translation[t], b, 2, step)
-            elif free == 6:
-                explained = _solve(store.to_affine[t], b, 6, step)
-            else:
-                explained = _solve(store.to_quadratic[t], b, 12, step)
-            rest = max(square - product * product / energy - explained, 0.0)
-            out.zncc[n] = np.sqrt(max(1.0 - rest / square, 0.0)) * (1.0 if product > 0.0 else -1.0)
-            length = 0.0
-            for k in range(free):
-                step[k] /= scale
-                length += (way[k] * step[k]) ** 2
-            length = np.sqrt(length)
-            if not _advance(warp, step, free):
-                out.reason[n] = SINGULAR
-                break
-            if np.hypot(warp[0] - guesses[n, 0], warp[1] - guesses[n, 1]) > max_shift:
-                break
-            if iteration > 0:
-                rate = min(length / before, 0.9)
-            before = length
-            if length * rate / (1.0 - rate) > tolerance:
-                continue
-            # What is left after this step is within the tolerance. Is a richer warp called for?
-            if free == 6 and most == 12:
-                explained = _solve(store.to_quadratic[t], b, 12, step)
-                rest = max(square - product * product / energy - explained, 0.0)
-                variance = rest / (n_pixels - 14)
-                if _significance(store.weight_q[t], step[6:]) > penalty_q * variance:
-                    free = 12
-                    before, rate = np.inf, 0.3
-                    continue
-            out.reason[n] = ACCEPTED
-            break
+                count += more
+                # Twelve parameters may run away where six do not.
+                if ended == ACCEPTED and zncc_q >= zncc:
+                    if np.hypot(bent[0] - warp[0], bent[1] - warp[1]) < _BENT_SHIFT:
+                        warp[:] = bent
+                        rest, scale, zncc, free = rest_q, scale_q, zncc_q, 12
+        elif weighed and (reason == NOT_CONVERGED or reason == SINGULAR):
+            # Too noisy for six parameters: the deformation of the guess has to do.
+            warp[:6] = guess
+            free = 2
+            reason, rest, scale, zncc, more = _iterate(
+                c, shape, box, guess, warp, free, store, t, limits, way, work
+            )
+            count += more
+        out.reason[n], out.iterations[n], out.zncc[n] = reason, count, zncc
         out.warps[n] = warp[:6]
-        if out.reason[n] != ACCEPTED:
+        if reason != ACCEPTED:
             continue
         # Noise of the residual, in grey levels of the template: that of the template and that of
         # the image, of which interpolation has left a part, over the gain.
-        variance = rest / scale**2 / (n_pixels - 2 - free)
-        left = _interpolated_noise(warp, corner, side, table)
+        variance = rest / scale**2 / (side * side - 2 - free)
+        left = _interpolated_noise(warp, store.offset[t], side, table)
         variance *= (1.0 + 1.0 / scale**2) / (1.0 + left / scale**2)
-        variance = max(variance, store.floor[t])
+        variance = max(variance, store.floor[t], 1e-300)
         cost_a, cost_q = 1.0, 1.0
-        if most:
-            if free == 12:
-                significance = _significance(store.weight_q[t], warp[6:])
-                kept = _kept(significance, variance, penalty_q)
-                cost_q = _cost(kept, significance, variance, 6)
-                for k in range(6):
-                    for m in range(6):
-                        warp[k] += (1.0 - kept) * store.pull_q[t, k, m] * warp[6 + m]
+        if weighed and free == 12:
+            significance = _significance(store.weight_q[t], warp[6:])
+            kept = _kept(significance, variance, penalty_q)
+            cost_q = _cost(kept, significance, variance, 6)
+            for k in range(6):
+                for m in range(6):
+                    warp[k] += (1.0 - kept) * store.pull_q[t, k, m] * warp[6 + m]
+        if weighed and free > 2:
             significance = _significance(store.weight_a[t], warp[2:6])
             kept = _kept(significance, variance, penalty_a)
             cost_a = _cost(kept, significance, variance, 4)

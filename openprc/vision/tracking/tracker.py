@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openprc.errors import ConfigError, NoFeaturesError, VideoError
+from openprc.vision.source.opening import open_source
+from openprc.vision.source.time_axis import TimeAxis
 from openprc.vision.tracking.config import KLTConfig
 from openprc.vision.tracking.plain_klt import PlainKLT
 from openprc.vision.tracking.predictor import inside
@@ -56,17 +58,15 @@ class Tracker:
         reference_frame: int | None = None,
         progress: Callable[[int, int | None], None] | None = None,
     ) -> None:
-        if isinstance(source, str | Path):
-            from openprc.vision.source.opening import open_source  # noqa: PLC0415 - needs OpenCV
-
-            source = open_source(source)
-        self.source = source
+        self.source = open_source(source)
         self.config = config or KLTConfig()
         self.progress = progress
         self.points = _points(features, tuple(source.shape))
         self.reference_frame = _reference(features, reference_frame, tuple(source.shape))
         self._follower: Follower | None = None
         self._notes: list[str] = []
+        self._n_empty = 0
+        self._empty_since: int | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -85,9 +85,12 @@ class Tracker:
         ------
         VideoError
             The video ends before the reference frame.
+        NoFeaturesError
+            A source that is `strict`, and all points are lost for good.
         """
         self._notes = []
         self._follower = None
+        self._n_empty, self._empty_since = 0, None
         before: list[Frame] = []
         room = self.config.backward_memory * 2**20
         done = 0
@@ -113,17 +116,45 @@ class Tracker:
             else:
                 step = self._follower.step(frame)
             done += 1
+            self._count(step)
             if self.progress is not None:
                 self.progress(done, total)
             yield step
+        self._tell_of_empty_frames()
         if self._follower is None:
             raise VideoError(
                 f"the video ends after {done + len(before)} frames",
                 expected=f"the reference frame {self.reference_frame}",
                 fix="choose an earlier reference frame",
-                file=getattr(self.source, "path", None),
+                file=self.source.path or self.source.name,
                 key="reference_frame",
             )
+
+    def _count(self, step: FrameTracks) -> None:
+        """Keep account of the frames in which no point was found."""
+        if np.isfinite(step.positions[:, 0]).any():
+            self._empty_since = None
+        else:
+            self._n_empty += 1
+            if self._empty_since is None:
+                self._empty_since = step.index
+
+    def _tell_of_empty_frames(self) -> None:
+        if not self._n_empty:
+            return
+        text = f"no point was found in {self._n_empty} frames"
+        if self._empty_since is None:
+            self._notes.append(f"{text}; points came back after each of them")
+            return
+        text += f", among them frame {self._empty_since} and all after it"
+        if self.source.strict:
+            raise NoFeaturesError(
+                text,
+                expected="points that come back, as strict=True asks",
+                fix="end the recording before, choose other points, or leave strict out",
+                file=self.source.path or self.source.name,
+            )
+        self._notes.append(text)
 
     def _backward(self, reference: Frame, before: list[Frame], *, unseen: int) -> list[FrameTracks]:
         """Follow the points backward through the frames `before` the reference."""
@@ -166,9 +197,15 @@ class Tracker:
                 "the video delivers no frame",
                 expected="at least the reference frame",
                 fix="check the file",
-                file=getattr(self.source, "path", None),
+                file=self.source.path or self.source.name,
             )
-        axis = self._time_axis(steps)
+        stamps = np.array([step.stamp for step in steps])
+        duplicated = tuple(step.index for step in steps if step.duplicate)
+        if stopped:
+            # What is missing was not read, which is no fault of the recording.
+            axis = TimeAxis.from_stamps(stamps, declared_fps=self.source.fps, duplicated=duplicated)
+        else:
+            axis = self.source.time_axis(stamps, duplicated=duplicated)
         return TrackingResult.from_steps(
             steps,
             timestamps=axis.times,
@@ -176,16 +213,8 @@ class Tracker:
             reference_frame=self.reference_frame,
             noise=self.noise,
             config=self.config,
+            frame_shape=self.source.shape,
             notes=(*self.notes, *stopped),
-        )
-
-    def _time_axis(self, steps: list[FrameTracks]) -> Any:
-        from openprc.vision.source.time_axis import TimeAxis  # noqa: PLC0415 - needs OpenCV
-
-        return TimeAxis.from_stamps(
-            np.array([step.stamp for step in steps]),
-            declared_fps=self.source.fps,
-            duplicated=tuple(step.index for step in steps if step.duplicate),
         )
 
 

@@ -125,6 +125,9 @@ def normal_equations(
         0.0,
     )
     mixed = mixed - (mixed_noise * taken)[:, None, None] * pure
+    sq = square - (smooth_noise * taken)[:, None, None] * pure
+    eta = np.einsum("nii->ni", mixed)[:, :2].sum(1) / np.einsum("nii->ni", sq)[:, :2].sum(1)
+    mixed = eta[:, None, None] * sq
     scale = np.sqrt(np.einsum("nii->ni", mixed))
     scaled = mixed / (scale[:, :, None] * scale[:, None, :])
     good &= np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR

@@ -51,7 +51,8 @@ def even_clock(times: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
         raise ConfigError(
             f"a rate of {rate} Hz", expected="a positive number", fix="correct it", key="rate"
         )
-    count = int(np.floor((times[-1] - times[0]) * rate + _SAME)) + 1
+    slack = _SAME * np.median(np.diff(times)) if len(times) > 1 else 0.0
+    count = int(np.floor((times[-1] - times[0] + slack) * rate)) + 1
     if count < 2:
         raise ConfigError(
             f"at {rate:g} Hz the record of {times[-1] - times[0]:g} s has {count} instant",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from openprc.errors import ConfigError
 from openprc.vision.tracking.status import Status
 from openprc.vision.trajectories import gaps, motion, resampling, signals, smoothing
+from openprc.vision.trajectories.calibrated import calibrated
 from openprc.vision.trajectories.checks import point_mask, settle
 
 if TYPE_CHECKING:
@@ -96,46 +95,9 @@ class TrajectorySet:
         ----------
         result : TrackingResult
         calibration : NormalizedCalibration, CameraCalibration, ScaleBar, PlanarTarget, optional
-            Anything with ``to_physical(points)``, ``sigma_to_physical(points, sigma)`` and
-            ``units``.
+            One that was made for images of another size is warned of.
         """
-        shape, remarks = getattr(result, "frame_shape", None), list(result.notes)
-        if calibration is not None:
-            if shape is not None and hasattr(calibration, "check_frame"):
-                fits = calibration.check_frame(tuple(shape))
-                calibration = fits.calibration
-                remarks += fits.notes
-                if fits.warning:
-                    warnings.warn(fits.warning, stacklevel=2)
-                    remarks.append(fits.warning)
-            remarks += getattr(calibration, "notes", ())
-        seen = np.isin(result.status, (Status.TRACKED, Status.REFERENCE, Status.INTERPOLATED))
-        seen &= np.isfinite(result.positions).all(axis=2)
-        pixels = np.where(seen[..., np.newaxis], result.positions, np.nan).astype(np.float64)
-        observed = seen.astype(np.uint8)
-        observed[seen & (result.status == Status.INTERPOLATED)] = FILLED
-        sigma = np.where(seen[..., np.newaxis], result.sigma, np.nan).astype(np.float64)
-        common = {
-            "status": result.status, "observed": observed, "quality": result.quality,
-            "template": result.template, "positions_px": pixels,
-            "feature_ids": result.feature_ids, "notes": tuple(remarks),
-        }  # fmt: skip
-        if calibration is None:
-            return cls(pixels, result.timestamps, sigma=sigma, **common)
-        points = pixels[seen]
-        placed = np.asarray(calibration.to_physical(points), dtype=np.float64)
-        spread = np.asarray(calibration.sigma_to_physical(points, sigma[seen]), dtype=np.float64)
-        n_axes = placed.shape[-1] if len(points) else 2
-        positions = np.full((*seen.shape, n_axes), np.nan)
-        grown = np.full((*seen.shape, n_axes), np.nan)
-        positions[seen], grown[seen] = placed, spread
-        axes = tuple(name.strip() for name in str(getattr(calibration, "axes", "")).split(","))
-        return cls(
-            positions, result.timestamps, sigma=grown, units=calibration.units,
-            axes=axes if len(axes) == n_axes else (), calibration=calibration,
-            frame=str(getattr(calibration, "frame", "image")),
-            operations=({"operation": "calibrate", "units": calibration.units},), **common,
-        )  # fmt: skip
+        return cls(**calibrated(result, calibration))
 
     # --- what it holds ---------------------------------------------------------------------
 
@@ -411,18 +373,12 @@ class TrajectorySet:
 
     # --- files -------------------------------------------------------------------------------
 
-    def to_simulation(
-        self,
-        path: str | Path,
-        *,
-        min_ratio: float = 0.0,
-        max_gap: int = 0,
-        bars: Sequence[tuple[int, int]] | ArrayLike | None = None,
-        overwrite: bool = False,
-    ) -> Path:
-        """Write a simulation.h5; see `openprc.vision.storage.export.to_simulation`."""
+    def to_simulation(self, path: str | Path, **settings: Any) -> Path:
+        """Write a simulation.h5 for a reservoir.
+
+        `settings` are those of `openprc.vision.storage.export.to_simulation`: min_ratio, max_gap,
+        method, bars, velocities and overwrite.
+        """
         from openprc.vision.storage.export import to_simulation  # noqa: PLC0415 - a circle
 
-        return to_simulation(
-            self, path, min_ratio=min_ratio, max_gap=max_gap, bars=bars, overwrite=overwrite
-        )
+        return to_simulation(self, path, **settings)
