@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from rich.markup import escape
 
 from openprc.cli.calibrate_options import (
     COUNTS,
@@ -15,13 +16,15 @@ from openprc.cli.calibrate_options import (
     make_board,
     needed_board,
 )
+from openprc.cli.calibrate_output import (
+    camera_rows,
+    finish,
+    load_camera,
+    print_notes,
+    refuse_outputs,
+)
 from openprc.cli.console import console, force_option, json_option, print_json, spinner, table
 from openprc.cli.options import NOT_NEGATIVE
-from openprc.errors import CalibrationError
-from openprc.schema.atomic import refuse_existing
-
-if TYPE_CHECKING:
-    from openprc.vision.calibration.camera import CameraCalibration
 
 _PATH = click.Path(path_type=Path)
 _MODELS = ("none", "k1", "k1k2", "k1k2p1p2", "k1k2p1p2k3", "rational", "thin-prism")
@@ -81,7 +84,7 @@ def scale_command(
     from openprc.schema.units import conversion_factor  # noqa: PLC0415 - beside its only use
     from openprc.vision.calibration.scale_bar import ScaleBar  # noqa: PLC0415 - kept light
 
-    _refuse(out, force)
+    refuse_outputs(out, force)
     spread = 0.0
     if sigma_length is not None:
         spread = sigma_length[0] * conversion_factor(sigma_length[1], length[1])
@@ -101,7 +104,7 @@ def scale_command(
         ["one-sigma of the scale", 100.0 * bar.relative_sigma, "%"],
     ]
     told = {"scale": bar.scale, "relative_sigma": bar.relative_sigma, "length_px": bar.length_px}
-    _finish(bar, out, force, as_json, rows, told)
+    finish(bar, out, force, as_json, rows, told)
 
 
 @command.command("board")
@@ -134,7 +137,7 @@ def board_command(
     from openprc.vision.calibration.camera_fit import fit_camera  # noqa: PLC0415 - OpenCV
 
     board = needed_board(options)
-    _refuse(out, force, picture)
+    refuse_outputs(out, force, picture)
     with spinner("looking for the board", hidden=as_json):
         fit = fit_camera(images[0] if len(images) == 1 else images, board, model=model)
     camera = replace(fit.camera, y_up=y_up)
@@ -148,19 +151,21 @@ def board_command(
         )
 
         written.append(camera_picture(fit, picture).save())
-    rows = _camera_rows(camera)
+    rows = camera_rows(camera)
     rows += [
         ["views used", len(fit.views), ""],
         ["views rejected", len(fit.rejected), ""],
         ["image covered", 100.0 * fit.coverage, "%"],
     ]
     views = [[v.name, len(v.view.ids), v.rms, v.tilt] for v in fit.views]
-    extra = [table(["view", "points", "rms [px]", "tilt [deg]"], views, title="views")]
+    extra = [
+        table(["view", "points", escape("rms [px]"), escape("tilt [deg]")], views, title="views")
+    ]
     if fit.rejected:
         extra.append(
             table(["picture", "reason"], [list(r) for r in fit.rejected], title="rejected")
         )
-    _finish(camera, out, force, as_json, rows, fit.as_dict(), extra=extra, written=written)
+    finish(camera, out, force, as_json, rows, fit.as_dict(), extra=extra, written=written)
 
 
 @command.command("plane")
@@ -197,8 +202,8 @@ def plane_command(
     board = make_board(options)
     if (board is None) == (points is None) or (board is not None) != (image is not None):
         raise click.UsageError("give an image and its board, or --points alone")
-    _refuse(out, force, picture)
-    camera = None if camera_file is None else _camera(camera_file)
+    refuse_outputs(out, force, picture)
+    camera = None if camera_file is None else load_camera(camera_file)
     if points is not None:
         from openprc.vision.calibration.point_pairs import read_pairs  # noqa: PLC0415 - kept light
 
@@ -234,7 +239,7 @@ def plane_command(
         "rms_px": target.rms, "scale": target.scale, "tilt_deg": target.tilt,
         "points": target.n_points, "largest_sigma": largest,
     }  # fmt: skip
-    _finish(target, out, force, as_json, rows, told, written=written)
+    finish(target, out, force, as_json, rows, told, written=written)
 
 
 @command.command("stereo")
@@ -267,9 +272,9 @@ def stereo_command(
     from openprc.vision.calibration.stereo_fit import fit_stereo  # noqa: PLC0415 - OpenCV
 
     board = needed_board(options)
-    _refuse(out, force, picture)
+    refuse_outputs(out, force, picture)
     cameras = {
-        side: None if path is None else _camera(path)
+        side: None if path is None else load_camera(path)
         for side, path in (("left", left_camera), ("right", right_camera))
     }
     with spinner("looking for the board", hidden=as_json):
@@ -292,10 +297,10 @@ def stereo_command(
         ["angle between the axes", rig.angle, "deg"],
     ]
     for side, camera in (("left", rig.left), ("right", rig.right)):
-        rows += [[f"{side}: {name}", value, unit] for name, value, unit in _camera_rows(camera)]
+        rows += [[f"{side}: {name}", value, unit] for name, value, unit in camera_rows(camera)]
     extra = [
         table(
-            ["pair", "rms [px]"],
+            ["pair", escape("rms [px]")],
             [[name, error] for name, error in zip(fit.pairs, fit.errors, strict=True)],
             title="pairs",
         )
@@ -304,7 +309,7 @@ def stereo_command(
         extra.append(
             table(["picture", "reason"], [list(r) for r in fit.rejected], title="rejected")
         )
-    _finish(rig, out, force, as_json, rows, fit.as_dict(), extra=extra, written=written)
+    finish(rig, out, force, as_json, rows, fit.as_dict(), extra=extra, written=written)
 
 
 @command.command("show")
@@ -326,100 +331,4 @@ def show_command(file: Path, as_json: bool) -> None:
     ]
     out = console()
     out.print(table(["", "value"], [["kind", found.kind], *rows], title=file.name))
-    _notes(found)
-
-
-# --- what they have in common -----------------------------------------------------------------
-
-
-def _refuse(out: Path, force: bool, picture: Path | None = None) -> None:
-    """Refuse before the work what could not be written after it."""
-    if picture is not None and picture.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise click.UsageError(f"--picture writes .png, .pdf or .svg, not {picture.name!r}")
-    for path in (out, picture):
-        if path is None:
-            continue
-        if path.is_dir():
-            raise click.UsageError(f"{path} is a folder; name a file")
-        if not force:
-            refuse_existing(path)
-
-
-def _camera(path: Path) -> CameraCalibration:
-    from openprc.vision.calibration.calibration_file import (  # noqa: PLC0415 - kept light
-        load_calibration,
-    )
-
-    found = load_calibration(path)
-    if found.kind != "camera":
-        raise CalibrationError(
-            f"this is a calibration of the kind {found.kind!r}",
-            expected="a camera, as openprc calibrate board writes it",
-            fix="calibrate the camera first",
-            file=path,
-            key="kind",
-        )
-    return found  # type: ignore[no-any-return]
-
-
-def _camera_rows(camera: CameraCalibration) -> list[list[Any]]:
-    def known(name: str, value: float) -> str:
-        sigma = camera.sigma.get(name)
-        if not sigma:
-            return f"{value:.6g}"
-        return f"{value:.6g} ± {sigma:.2g}"
-
-    k = camera.matrix
-    values = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2]}
-    rows: list[list[Any]] = [["reprojection error, rms", _short(camera.rms), "px"]]
-    rows += [[name, known(name, value), "px"] for name, value in values.items()]
-    from openprc.vision.calibration.distortion import NAMES  # noqa: PLC0415 - kept light
-
-    rows += [
-        [name, known(name, value), "1"]
-        for name, value in zip(NAMES, camera.dist, strict=False)
-        if value or name in camera.sigma
-    ]
-    return rows
-
-
-def _short(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
-
-
-def _finish(
-    calibration: Any,
-    out: Path,
-    force: bool,
-    as_json: bool,
-    rows: list[list[Any]],
-    told: dict[str, Any],
-    *,
-    extra: list[Any] | None = None,
-    written: list[Path] | None = None,
-) -> None:
-    """Write the file, then say what is in it."""
-    from openprc.vision.calibration.calibration_file import (  # noqa: PLC0415 - kept light
-        save_calibration,
-    )
-
-    save_calibration(out, calibration, overwrite=force)
-    paths = [str(path) for path in (out, *(written or []))]
-    if as_json:
-        print_json(
-            {**told, "calibration": calibration.as_dict(), "notes": list(calibration.notes),
-             "written": paths}
-        )  # fmt: skip
-        return
-    show = console()
-    show.print(table(["", "value", "unit"], rows, title=f"calibration: {calibration.kind}"))
-    for item in extra or []:
-        show.print(item)
-    _notes(calibration)
-    for path in paths:
-        show.print(f"written: {path}", markup=False, soft_wrap=True)
-
-
-def _notes(calibration: Any) -> None:
-    for note in calibration.notes:
-        console().print(f"note: {note}", markup=False)
+    print_notes(found)

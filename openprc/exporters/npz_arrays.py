@@ -32,6 +32,7 @@ class NpzExporter:
     ``channels/NAME``          (T, C)
     ``system/NAME``            (T,)
     ``inputs/NAME``            (T, C), and ``inputs/NAME/sequence``, (K, C)
+    ``extensions/PLUGIN/NAME`` (T, ...), the series that plugins keep of their own
     ``metadata``               JSON text: units, columns, where the file came from
     ========================== ========================================================
 
@@ -121,6 +122,13 @@ def _series(trajectory: Trajectory) -> Iterator[tuple[str, Reader]]:
         yield f"system/{name}", _rows_of(trajectory.system(name))
     for name in trajectory.inputs:
         yield f"inputs/{name}", _rows_of(trajectory.input(name).value)
+    for plugin in trajectory.extensions:
+        for name in trajectory.extension_series(plugin):
+            yield f"extensions/{plugin}/{name}", _extension(trajectory, plugin, name)
+
+
+def _extension(trajectory: Trajectory, plugin: str, name: str) -> Reader:
+    return lambda rows: trajectory.extension(plugin, name, frames=rows)
 
 
 def _element(trajectory: Trajectory, kind: str, quantity: str) -> Reader:
@@ -147,6 +155,9 @@ def _metadata(trajectory: Trajectory, frames: Rows) -> dict[str, Any]:
             paths[f"{kind}/{quantity}"] = f"/time_series/elements/{kind}/{quantity}"
         for name in trajectory.element_constants(kind):
             paths[f"{kind}/{name}"] = f"/topology/{kind}/{name}"
+    for plugin in trajectory.extensions:
+        for name in trajectory.extension_series(plugin):
+            paths[f"extensions/{plugin}/{name}"] = f"/extensions/{plugin}/{name}"
     for name in trajectory.systems:
         paths[f"system/{name}"] = f"/time_series/system/{name}"
     for name in trajectory.channels:

@@ -18,7 +18,7 @@ from openprc.errors import (
 from openprc.schema.clock import Clock
 from openprc.schema.damage import damage_named
 from openprc.schema.digest import content_digest
-from openprc.schema.layout import TIME_AXIS
+from openprc.schema.extensions import Extensions
 from openprc.schema.provenance import read_provenance
 from openprc.schema.safety import open_hdf5
 from openprc.schema.stored import ALL, Frames, InputSignal
@@ -27,7 +27,7 @@ from openprc.schema.version import check_version
 POSITIONS = "/time_series/nodes/positions"
 
 
-class Trajectory(Clock):
+class Trajectory(Clock, Extensions):
     """Open a trajectory for reading. Arrays are read when asked for; nothing is made up.
 
     Parameters
@@ -331,34 +331,6 @@ class Trajectory(Clock):
         )
 
     # --- the rest ----------------------------------------------------------------------------
-
-    @property
-    def extensions(self) -> tuple[str, ...]:
-        """Distributions that have a subtree of their own."""
-        return self._names("extensions")
-
-    def extension_names(self, distribution: str) -> tuple[str, ...]:
-        """Return the names of what a distribution's own subtree holds."""
-        return self._names(f"extensions/{distribution}")
-
-    def extension(
-        self, distribution: str, name: str, *, frames: Frames | None = None
-    ) -> NDArray[Any]:
-        """Return an array of a distribution's own subtree, as stored.
-
-        Of a time series, the committed frames or those of `frames`, (T', ...).
-
-        Raises
-        ------
-        MissingData
-            When it is not in the file.
-        SchemaError
-            When `frames` are asked for and it has not one row a frame.
-        """
-        path = f"/extensions/{distribution}/{name}"
-        if frames is None and TIME_AXIS not in self._get(path).attrs:
-            return self._static(path, None)
-        return self._series(path, ALL if frames is None else frames)
 
     @property
     def provenance(self) -> dict[str, Any]:

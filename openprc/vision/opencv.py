@@ -22,8 +22,8 @@ def load_cv2() -> Any:
         import cv2
     except ImportError as error:
         raise MissingDependency(
-            "reading video needs OpenCV, and the module cv2 is not installed",
-            expected="the wheel opencv-python-headless, below version 5",
+            f"reading video needs OpenCV, and the module cv2 cannot be imported: {error}",
+            expected="the wheel opencv-python-headless, below version 5, which needs no display",
             fix="pip install 'opencv-python-headless<5'",
         ) from error
     return cv2

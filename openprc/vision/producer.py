@@ -197,31 +197,31 @@ def _follow(
         source, places, config=settings.tracker_config(),
         reference_frame=settings.reference_frame, progress=progress,
     )  # fmt: skip
-    spool = TracksSpool(folder, len(places))
     interrupted = False
-    try:
-        for step in tracker.steps():
-            spool.append(step)
-    except KeyboardInterrupt:
-        if len(spool) <= settings.reference_frame:
-            raise
-        interrupted = True
-    stamps, duplicated = spool.clock()
-    notes = list(tracker.notes)
-    if interrupted:
-        from openprc.vision.source.time_axis import TimeAxis  # noqa: PLC0415 - kept light
+    with TracksSpool(folder, len(places)) as spool:
+        try:
+            for step in tracker.steps():
+                spool.append(step)
+        except KeyboardInterrupt:
+            if len(spool) <= settings.reference_frame:
+                raise
+            interrupted = True
+        stamps, duplicated = spool.clock()
+        notes = list(tracker.notes)
+        if interrupted:
+            from openprc.vision.source.time_axis import TimeAxis  # noqa: PLC0415 - kept light
 
-        # The declared number of frames says nothing of what was stopped half way.
-        axis = TimeAxis.from_stamps(
-            stamps, declared_fps=source.fps, fps=settings.fps, duplicated=duplicated
-        )
-        notes.append(f"interrupted: the tracks end with frame {len(spool) - 1}")
-    else:
-        axis = source.time_axis(stamps, duplicated=duplicated)
-    result = spool.result(
-        axis, reference_frame=settings.reference_frame, noise=tracker.noise,
-        config=tracker.config, notes=tuple(notes),
-    )  # fmt: skip
+            # The declared number of frames says nothing of what was stopped half way.
+            axis = TimeAxis.from_stamps(
+                stamps, declared_fps=source.fps, fps=settings.fps, duplicated=duplicated
+            )
+            notes.append(f"interrupted: the tracks end with frame {len(spool) - 1}")
+        else:
+            axis = source.time_axis(stamps, duplicated=duplicated)
+        result = spool.result(
+            axis, reference_frame=settings.reference_frame, noise=tracker.noise,
+            config=tracker.config, notes=tuple(notes),
+        )  # fmt: skip
     return _Run(result, interrupted)
 
 

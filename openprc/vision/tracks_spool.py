@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class TracksSpool:
             ],
             align=True,
         )
-        # The file goes when the last array that looks at it does, also after a crash.
+        # It goes when the last array that looks at it does, also after a crash.
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - lives as long as we do
         self._row = np.zeros((), self._dtype)
         self._count = 0
@@ -67,18 +67,19 @@ class TracksSpool:
         self._file.write(row.tobytes())
         self._count += 1
 
-    @property
-    def rows(self) -> NDArray[Any]:
-        """All frames as a structured array, mapped and not read."""
-        self._file.flush()
-        if not self._count:
-            return np.zeros(0, self._dtype)
-        return np.memmap(self._file, self._dtype, mode="r", shape=(self._count,))
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
 
     @property
-    def frames_at_once(self) -> int:
-        """Frames that make a block of a size that memory hardly notices."""
-        return max(1, BLOCK // self._dtype.itemsize)
+    def rows(self) -> NDArray[Any]:
+        """All frames as a structured array, mapped and not read; it outlives the spool."""
+        if not self._count:
+            return np.zeros(0, self._dtype)
+        self._file.flush()
+        return np.memmap(self._file, self._dtype, mode="r", shape=(self._count,))
 
     def clock(self) -> tuple[NDArray[np.float64], tuple[int, ...]]:
         """Return the time stamps (T,) [s] and the numbers of the duplicated frames."""

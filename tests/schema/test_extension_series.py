@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import h5py
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from openprc.errors import MissingData, SchemaError, UnitError
+from openprc.exporters.npz_arrays import NpzExporter
 from openprc.schema import Provenance, Trajectory, TrajectoryWriter, validate_file
 from openprc.schema.derive import attach_input, pack, repair
 from openprc.schema.layout import CHECKSUM, TIME_AXIS
@@ -173,6 +175,21 @@ def test_copies_keep_the_series(tracked, tmp_path, derive):
             run.extension(TRACKER, "sigma", frames=slice(4, 6)), wanted[4:6]
         )
     assert validate_file(path).ok
+
+
+def test_exported_arrays_hold_the_series(tracked, tmp_path):
+    path = tmp_path / "run.npz"
+    with Trajectory(tracked) as run:
+        assert run.extension_series(TRACKER) == ("quality", "sigma", "status")
+        assert run.extension_series("other") == ()
+        NpzExporter().export(run, path, options={"stride": 2})
+        with np.load(path) as arrays:
+            np.testing.assert_array_equal(
+                arrays[f"extensions/{TRACKER}/sigma"], run.extension(TRACKER, "sigma")[::2]
+            )
+            units = json.loads(str(arrays["metadata"]))["units"]
+            assert units[f"extensions/{TRACKER}/sigma"] == "mm"
+            assert f"extensions/{TRACKER}/matrix" not in arrays
 
 
 def test_digest_sees_a_change_of_a_series(tracked):

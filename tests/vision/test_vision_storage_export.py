@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 
 from openprc.errors import ConfigError, MissingData, ResultExists
 from openprc.reservoir import StateLoader
-from openprc.schema import Trajectory, validate_file
+from openprc.schema import Provenance, Trajectory, TrajectoryWriter, validate_file
 from openprc.vision import NormalizedCalibration, Status, TrackingResult, TrajectorySet
 from openprc.vision.storage.export import to_simulation
-from openprc.vision.storage.extension import NAME, check
+from openprc.vision.storage.extension import NAME, check, declare_tracking, tracking_rows
 
 T, N = 40, 5
 TIME = np.arange(T) / 20
@@ -160,35 +161,35 @@ def test_points_with_the_same_number_have_no_names(tmp_path):
 # --- the check of the extension -----------------------------------------------------------------
 
 
-class Stored:
-    """Just enough of a trajectory for the check."""
-
-    def __init__(self, status, observed=None):
-        self._status, self._observed = np.asarray(status), observed
-
-    def extension_names(self, _):
-        return () if self._status.size == 0 else ("status",)
-
-    def extension(self, *_):
-        return self._status
-
-    def has(self, _):
-        return self._observed is not None
-
-    def observed(self):
-        return np.asarray(self._observed)
-
-
 @pytest.mark.parametrize(
-    ("stored", "codes"),
+    ("change", "codes"),
     [
-        (Stored([]), []),
-        (Stored([[0, 5]]), []),
-        (Stored([[0, 6]]), ["VISION-01"]),
-        (Stored([[0, 1]], [[1, 0]]), []),
-        (Stored([[0, 1]], [[1, 1]]), ["VISION-02"]),
+        (None, []),
+        (("status", (39, 0), 6), ["VISION-01"]),
+        (("status", (39, 0), Status.LOST), ["VISION-02"]),
+        (("status", (39, 3), Status.OOB), []),
     ],
-    ids=["none", "known", "unknown", "agree", "disagree"],
+    ids=["good", "unknown code", "lost with a position", "lost without"],
 )
-def test_check_of_the_extension(stored, codes):
-    assert [finding.code for finding in check(stored)] == codes
+def test_check_of_the_extension(tracks, tmp_path, monkeypatch, change, codes):
+    monkeypatch.setattr("openprc.vision.storage.extension._BLOCK", 16)
+    path = tracks.to_simulation(tmp_path / "run.h5")
+    if change is not None:
+        name, place, value = change
+        with h5py.File(path, "r+") as file:
+            file[f"extensions/{NAME}/{name}"][place] = value
+    with Trajectory(path) as run:
+        findings = list(check(run))
+    assert [finding.code for finding in findings] == codes
+    assert all("frame 39" in finding.found for finding in findings)
+
+
+def test_a_file_without_status_passes(tmp_path):
+    with TrajectoryWriter(tmp_path / "run.h5", provenance=Provenance("test")) as writer:
+        writer.declare_nodes(1, 2, unit="px")
+        declare_tracking(writer, 1, 2, unit="px", names=("quality",))
+        rows = tracking_rows({"quality": [[1.0]]})
+        writer.append([0.0], positions=[[[1.0, 2.0]]], extensions=rows)
+    with Trajectory(tmp_path / "run.h5") as run:
+        assert list(check(run)) == []
+        assert run.extension_names(NAME) == ("quality",)

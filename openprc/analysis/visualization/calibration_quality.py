@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.analysis.visualization.figure import Plot, new_figure
+from openprc.vision.calibration.coverage import covered_cells
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +27,13 @@ def camera_picture(fit: CameraFit, path: Path) -> Plot:
     errors = np.concatenate([view.residuals for view in fit.views])
     height, width = fit.camera.frame_shape
     _arrows(left, pixels, errors, (height, width))
+    empty = ~covered_cells(pixels, (height, width))
+    shade = np.where(empty[..., np.newaxis], [1.0, 0.92, 0.85], 1.0)
+    left.imshow(shade, extent=(-0.5, width - 0.5, height - 0.5, -0.5), zorder=-1)
     left.set_title(
-        f"{len(fit.views)} views, corners in {100.0 * fit.coverage:.0f} % of the image", fontsize=10
+        f"{len(fit.views)} views, corners in {100.0 * fit.coverage:.0f} % of the image"
+        "\n(tinted: none seen)",
+        fontsize=10,
     )
     _cloud(middle, errors)
     _bars(right, [view.rms for view in fit.views], [view.name for view in fit.views], "view")
@@ -122,6 +128,7 @@ def _cloud(axes: Axes, errors: NDArray[np.float64]) -> None:
     axes.set_xlim(-limit, limit)
     axes.set_ylim(-limit, limit)
     axes.set_aspect("equal")
+    axes.locator_params(nbins=5)
     axes.set_xlabel("error in x [px]")
     axes.set_ylabel("error in y [px]")
     axes.set_title(f"reprojection error, rms {rms:.3g} px", fontsize=10)
@@ -132,5 +139,6 @@ def _bars(axes: Axes, values: list[float], names: list[str], what: str) -> None:
     axes.barh(places, values, color="tab:blue")
     axes.set_yticks(places, [name[-24:] for name in names], fontsize=7 if len(names) < 30 else 4)
     axes.invert_yaxis()
+    axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel("rms reprojection error [px]")
     axes.set_title(f"error of each {what}", fontsize=10)

@@ -17,6 +17,7 @@ from openprc.vision.calibration.distortion import (
     undistort,
     valid_radius,
 )
+from openprc.vision.calibration.intrinsics import doubts, intrinsic_matrix
 from openprc.vision.calibration.mapping import (
     Array,
     Calibration,
@@ -88,7 +89,7 @@ class CameraCalibration(Calibration):
         for array in (self.matrix, self.dist):
             array.flags.writeable = False
         notes = list(self.notes)
-        notes += [note for note in _doubts(self.matrix, shape) if note not in notes]
+        notes += [note for note in doubts(self.matrix, shape) if note not in notes]
         put(self, "notes", tuple(notes))
 
     # --- ways to make one -----------------------------------------------------------------
@@ -362,58 +363,3 @@ class CameraCalibration(Calibration):
     def from_dict(cls, values: dict[str, Any]) -> CameraCalibration:
         """Make it from `as_dict`."""
         return cls(**{key: value for key, value in values.items() if key != "kind"})
-
-
-def intrinsic_matrix(found: Any, *, key: str = "K") -> Array:
-    """Return an intrinsic matrix as a new array (3, 3).
-
-    Raises
-    ------
-    CalibrationError
-    """
-    expected = "[[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx and fy above 0, in pixels"
-    try:
-        matrix = np.array(found, np.float64)
-    except (TypeError, ValueError):
-        matrix = np.zeros(0)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-        raise CalibrationError(
-            f"the intrinsic matrix has the shape {matrix.shape}"
-            + ("" if np.isfinite(matrix).all() else " and values that are not finite"),
-            expected=expected,
-            fix="pass the matrix as the calibration of the camera wrote it",
-            key=key,
-        )
-    if (
-        matrix[0, 0] <= 0.0
-        or matrix[1, 1] <= 0.0
-        or matrix[1, 0] != 0.0
-        or any(matrix[2] != (0.0, 0.0, 1.0))
-    ):
-        transposed = bool(matrix[2, 0] and not matrix[0, 2])
-        raise CalibrationError(
-            f"{matrix.tolist()} is no intrinsic matrix",
-            expected=expected,
-            fix="transpose it" if transposed else "check the order of the numbers",
-            key=key,
-        )
-    return matrix
-
-
-def _doubts(matrix: Array, shape: tuple[int, int]) -> list[str]:
-    """What looks wrong about a matrix without being impossible."""
-    height, width = shape
-    cx, cy = matrix[:2, 2]
-    doubts = []
-    if abs(cx - 0.5 * (width - 1)) > 0.25 * width or abs(cy - 0.5 * (height - 1)) > 0.25 * height:
-        doubts.append(
-            f"the principal point ({cx:.1f}, {cy:.1f}) px is far from the middle of a "
-            f"{width}x{height} image: does the matrix belong to images of this size, and is "
-            "frame_shape (height, width)?"
-        )
-    if abs(matrix[0, 0] / matrix[1, 1] - 1.0) > 0.05:
-        doubts.append(
-            f"the focal lengths {matrix[0, 0]:.1f} and {matrix[1, 1]:.1f} px differ by more than "
-            "5 %: pixels are rarely that far from square"
-        )
-    return doubts

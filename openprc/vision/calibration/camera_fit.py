@@ -12,6 +12,7 @@ from openprc.errors import CalibrationError
 from openprc.vision.calibration.board_images import pictures
 from openprc.vision.calibration.boards import Board, BoardView
 from openprc.vision.calibration.camera import CameraCalibration
+from openprc.vision.calibration.coverage import covered_cells
 from openprc.vision.calibration.distortion import NAMES, valid_radius
 from openprc.vision.calibration.mapping import Array
 from openprc.vision.opencv import load_cv2
@@ -28,8 +29,6 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 #: Fewest views, and how far apart [deg] the boards' normals have to be for a focal length.
 FEWEST_VIEWS, LEAST_TILT = 3, 10.0
-# The image is divided into this many parts each way to say where corners were seen.
-_CELLS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +221,8 @@ def fit_views(
         residuals = view.pixels - camera.project(view.points @ r.T + t)
         fitted.append(FittedView(name, view, r, t, residuals))
     squares = np.concatenate([np.sum(v.residuals**2, axis=1) for v in fitted])
-    coverage = _coverage(fitted, shape)
+    everything = np.concatenate([v.view.pixels for v in fitted])
+    coverage = float(covered_cells(everything, shape).mean())
     camera = CameraCalibration(
         matrix=matrix,
         dist=dist,
@@ -284,16 +284,6 @@ def _solve(
         [np.asarray(shift, np.float64).reshape(3) for shift in shifts],
         sigma,
     )
-
-
-def _coverage(views: list[FittedView], shape: tuple[int, int]) -> float:
-    seen = np.zeros((_CELLS, _CELLS), np.bool_)
-    for fitted in views:
-        x, y = fitted.view.pixels.T
-        column = np.clip((x + 0.5) / shape[1] * _CELLS, 0, _CELLS - 1).astype(int)
-        row = np.clip((y + 0.5) / shape[0] * _CELLS, 0, _CELLS - 1).astype(int)
-        seen[row, column] = True
-    return float(seen.mean())
 
 
 def _notes(views: list[FittedView], camera: CameraCalibration, coverage: float) -> list[str]:

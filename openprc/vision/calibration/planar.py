@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from openprc.errors import CalibrationError
 from openprc.vision.calibration.camera import CameraCalibration
 from openprc.vision.calibration.homography import (
-    HomographyFit,
     apply_homography,
     fit_homography,
     homography_jacobian,
@@ -19,7 +18,6 @@ from openprc.vision.calibration.homography import (
 from openprc.vision.calibration.mapping import (
     Array,
     Calibration,
-    FrameCheck,
     as_points,
     frame_size,
     length_unit,
@@ -132,17 +130,21 @@ class PlanarTarget(Calibration):
         notes = () if len(known) > 4 else (
             "four points fit exactly whatever their errors: with more, the errors would be known",
         )  # fmt: skip
-        return cls(
+        target = cls(
             homography=fit.matrix,
             units=units,
             camera=camera,
             frame_shape=frame_shape,
-            rms=fit.rms if len(known) > 4 else None,
             n_points=len(known),
             centre=tuple(known.mean(axis=0)),  # type: ignore[arg-type]
             covariance=fit.covariance,
             notes=notes,
         )
+        if len(known) == 4:
+            return target
+        # In the picture as it is: the fit was made in the undistorted one.
+        errors = seen - target.to_pixels(known)
+        return replace(target, rms=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))))
 
     @classmethod
     def from_board(
@@ -283,10 +285,6 @@ class PlanarTarget(Calibration):
 
     # --- other sizes, files -------------------------------------------------------------------
 
-    def check_frame(self, shape: tuple[int, int]) -> FrameCheck:
-        """Say whether the calibration fits images of a height and a width [px]."""
-        return super().check_frame(shape)
-
     def rescaled(self, shape: tuple[int, int]) -> PlanarTarget | None:
         """Return the same plane in images of another resolution."""
         if self.frame_shape is None:
@@ -338,6 +336,3 @@ def _fitting(camera: CameraCalibration, shape: tuple[int, int]) -> CameraCalibra
             key="frame_shape",
         )
     return check.calibration  # type: ignore[return-value]
-
-
-__all__ = ["HomographyFit", "PlanarTarget"]

@@ -12,12 +12,14 @@ from openprc.vision.detection.feature_map import FeatureMap
 from openprc.vision.detection.trackability import predicted_sigma
 from openprc.vision.opencv import load_cv2, make_akaze
 
-#: Images of more pixels are searched at half their size: SIFT takes 2 GB for a frame of
-#: 3840 x 2160 px.
+#: Images of more pixels are searched at half their size where keypoints have a scale: what SIFT
+#: holds in memory grows with the number of pixels.
 LARGE = 5_000_000
+#: Edge of the smallest image that is searched [px].
+_SMALLEST = 5
 
 
-class _OpenCVDetector:
+class OpenCVDetector:
     """What the detectors have in common: from keypoints of OpenCV to a feature map."""
 
     name: ClassVar[str] = ""
@@ -38,22 +40,28 @@ class _OpenCVDetector:
             0 where nothing is wanted.
         """
         scale = self._downscale(image.size)
-        small, small_mask = _halved(image, mask) if scale == 2 else (image, mask)
-        found, descriptors = self._find(small, small_mask)
-        order = sorted(range(len(found)), key=lambda i: (-found[i].response, found[i].pt))
+        small, small_mask = _shrunk(image, mask, scale) if scale > 1 else (image, mask)
+        # OpenCV refuses an image from which nothing of a scale is left.
+        found, descriptors = (
+            self._find(small, small_mask) if min(small.shape) >= _SMALLEST else ((), None)
+        )
+        # Threads of OpenCV add keypoints in any order.
+        order = sorted(
+            range(len(found)), key=lambda i: (-found[i].response, found[i].pt, found[i].angle)
+        )
         points = np.array([found[i].pt for i in order], np.float64).reshape(-1, 2)
-        # The centre of a pixel of the half image lies between the pixels that it was made of.
+        # The centre of a pixel of the small image lies amid the pixels that it was made of.
         points = (points + 0.5) * scale - 0.5
         np.clip(points, 0.0, [image.shape[1] - 1.0, image.shape[0] - 1.0], out=points)
         notes = (
-            (f"{image.shape[1]} x {image.shape[0]} px are searched at half their size "
+            (f"{image.shape[1]} x {image.shape[0]} px are searched at 1/{scale} of their size "
              "(setting downscale)",)
-            if scale == 2
+            if scale > 1 and not getattr(self, "downscale", 1)
             else ()
         )  # fmt: skip
         return FeatureMap(
             keypoints=points,
-            descriptors=None if descriptors is None else np.asarray(descriptors)[order],
+            descriptors=None if descriptors is None else _rows(descriptors, order),
             responses=np.array([found[i].response for i in order], np.float64),
             sizes=np.array([found[i].size for i in order], np.float64) * scale,
             angles=np.array([found[i].angle for i in order], np.float64),
@@ -78,7 +86,7 @@ class _OpenCVDetector:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sift(_OpenCVDetector):
+class Sift(OpenCVDetector):
     """Extrema of differences of Gaussians (Lowe, DOI 10.1023/B:VISI.0000029664.99615.94).
 
     Parameters
@@ -90,7 +98,7 @@ class Sift(_OpenCVDetector):
         A lower contrast_threshold, or a higher edge_threshold, finds more.
     sigma : float [px]
     downscale : int
-        1 for the full image, 2 for half its size, 0 to decide by its size.
+        1 for the full image, 2 for half its size and so on; 0: 2 above 5 million pixels, 1 below.
     """
 
     name: ClassVar[str] = "sift"
@@ -113,7 +121,7 @@ class Sift(_OpenCVDetector):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Orb(_OpenCVDetector):
+class Orb(OpenCVDetector):
     """FAST corners over scales (Rublee et al., DOI 10.1109/ICCV.2011.6126544).
 
     Parameters
@@ -123,6 +131,8 @@ class Orb(_OpenCVDetector):
     scale_factor : float
     n_levels, edge_threshold, first_level, patch_size, fast_threshold : int
         As in OpenCV; a lower fast_threshold finds more.
+    wta_k : int
+        Pixels compared for an element of the descriptor: 2, 3 or 4.
     """
 
     name: ClassVar[str] = "orb"
@@ -134,6 +144,7 @@ class Orb(_OpenCVDetector):
     first_level: int = 0
     patch_size: int = 31
     fast_threshold: int = 20
+    wta_k: int = 2
 
     def _create(self) -> Any:
         return load_cv2().ORB_create(
@@ -144,11 +155,12 @@ class Orb(_OpenCVDetector):
             firstLevel=self.first_level,
             patchSize=self.patch_size,
             fastThreshold=self.fast_threshold,
+            WTA_K=self.wta_k,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Akaze(_OpenCVDetector):
+class Akaze(OpenCVDetector):
     """Extrema in a nonlinear scale space (Alcantarilla et al., DOI 10.5244/C.27.13).
 
     Parameters
@@ -157,7 +169,7 @@ class Akaze(_OpenCVDetector):
         A lower one finds more.
     n_octaves, n_octave_layers : int
     downscale : int
-        1 for the full image, 2 for half its size, 0 to decide by its size.
+        1 for the full image, 2 for half its size and so on; 0: 2 above 5 million pixels, 1 below.
     """
 
     name: ClassVar[str] = "akaze"
@@ -176,7 +188,7 @@ class Akaze(_OpenCVDetector):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShiTomasi(_OpenCVDetector):
+class ShiTomasi(OpenCVDetector):
     """Corners by the smaller eigenvalue (Shi & Tomasi 1994, DOI 10.1109/CVPR.1994.323794).
 
     The eigenvalue is also what limits the precision of a track, so this is the detector of
@@ -190,6 +202,10 @@ class ShiTomasi(_OpenCVDetector):
         Weakest corner, as a part of the strongest one.
     min_distance : float [px]
     block_size : int [px]
+        Side of the window of the eigenvalue.
+    use_harris : bool
+        Rank by Harris' measure instead of the eigenvalue.
+    harris_k : float
     """
 
     name: ClassVar[str] = "gftt"
@@ -198,6 +214,8 @@ class ShiTomasi(_OpenCVDetector):
     quality_level: float = 0.01
     min_distance: float = 7.0
     block_size: int = 3
+    use_harris: bool = False
+    harris_k: float = 0.04
 
     def _create(self) -> Any:
         return load_cv2().GFTTDetector_create(
@@ -205,19 +223,27 @@ class ShiTomasi(_OpenCVDetector):
             qualityLevel=self.quality_level,
             minDistance=self.min_distance,
             blockSize=self.block_size,
+            useHarrisDetector=self.use_harris,
+            k=self.harris_k,
         )
 
     def _find(self, image: NDArray[np.uint8], mask: NDArray[np.uint8] | None) -> Any:
         return self._create().detect(image, mask), None
 
 
-def _halved(
-    image: NDArray[np.uint8], mask: NDArray[np.uint8] | None
+def _rows(descriptors: Any, order: list[int]) -> NDArray[Any]:
+    return np.asarray(descriptors)[np.asarray(order, dtype=np.intp)]
+
+
+def _shrunk(
+    image: NDArray[np.uint8], mask: NDArray[np.uint8] | None, scale: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     cv2 = load_cv2()
-    # An odd last row or column is left out: a pixel of the half image is made of four.
-    height, width = image.shape[0] // 2, image.shape[1] // 2
-    even = (slice(2 * height), slice(2 * width))
+    # Rows and columns left over are left out: a pixel of the small image is made of scale^2.
+    height, width = image.shape[0] // scale, image.shape[1] // scale
+    if not height or not width:
+        return np.empty((height, width), np.uint8), None
+    even = (slice(scale * height), slice(scale * width))
     small = cv2.resize(image[even], (width, height), interpolation=cv2.INTER_AREA)
     if mask is None:
         return small, None

@@ -56,6 +56,24 @@ class FeatureMap:
     frame_shape: tuple[int, int]
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        if np.ndim(self.keypoints) != 2 or np.shape(self.keypoints)[1] != 2:
+            raise ConfigError(
+                f"keypoints of shape {np.shape(self.keypoints)}",
+                expected="(N, 2): x and y in px",
+                fix="give one row for each feature",
+                key="keypoints",
+            )
+        for name in PER_FEATURE:
+            value = getattr(self, name)
+            if value is not None and len(value) != len(self.keypoints):
+                raise ConfigError(
+                    f"{name} has {len(value)} rows for {len(self.keypoints)} keypoints",
+                    expected="one row for each feature",
+                    fix="see FeatureMap.from_points, which needs the keypoints alone",
+                    key=name,
+                )
+
     @classmethod
     def from_points(
         cls,
@@ -63,13 +81,26 @@ class FeatureMap:
         *,
         frame_shape: tuple[int, ...],
         image: ArrayLike | None = None,
+        responses: ArrayLike | None = None,
+        descriptors: ArrayLike | None = None,
         ref_frame_index: int = 0,
         detector_name: str = "points",
         detector_config: dict[str, Any] | None = None,
     ) -> FeatureMap:
-        """Return a map of points (N, 2) [px] that somebody chose.
+        """Return a map of points that somebody chose, or that a detector of one's own found.
 
-        With the `image` (H, W) their trackability is computed.
+        Parameters
+        ----------
+        points : (N, 2) [px]
+        frame_shape : (H, W) [px]
+        image : (H, W) or colour, optional
+            The frame; with it the features can be ranked by trackability.
+        responses : (N,), optional
+            Strength of the points; 1 where left out.
+        descriptors : (N, D), optional
+        ref_frame_index : int
+        detector_name : str
+        detector_config : dict, optional
 
         Raises
         ------
@@ -97,26 +128,20 @@ class FeatureMap:
                 key="points",
             )
         n = len(places)
-        if image is None:
-            sigma = np.full(n, np.nan)
-        else:
-            from openprc.vision.detection.trackability import (  # noqa: PLC0415 - needs OpenCV
-                predicted_sigma,
-            )
-
-            sigma = predicted_sigma(image, places)
-        return cls(
+        made = cls(
             keypoints=places,
-            responses=np.ones(n),
+            descriptors=None if descriptors is None else np.asarray(descriptors),
+            responses=np.ones(n) if responses is None else np.array(responses, np.float64),
             sizes=np.full(n, 21.0),
             angles=np.full(n, -1.0),
             octaves=np.zeros(n, np.int32),
-            track_sigma=sigma,
+            track_sigma=np.full(n, np.nan),
             detector_name=detector_name,
             detector_config=dict(detector_config or {}),
             ref_frame_index=ref_frame_index,
             frame_shape=(int(height), int(width)),
         )
+        return made if image is None else made.rated(image)
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -125,6 +150,55 @@ class FeatureMap:
     def n_features(self) -> int:
         """Number of features N."""
         return len(self.keypoints)
+
+    def rated(self, image: ArrayLike, *, window: int = 21) -> FeatureMap:
+        """Return the map with `track_sigma` computed from its frame, for a window [px].
+
+        Raises
+        ------
+        ConfigError
+            The image has another size, or the window is no odd number.
+        """
+        # Both need OpenCV, and this module is imported without it.
+        from openprc.vision.detection.images import grey_image  # noqa: PLC0415
+        from openprc.vision.detection.trackability import predicted_sigma  # noqa: PLC0415
+
+        grey, _ = grey_image(image)
+        if grey.shape != self.frame_shape:
+            raise ConfigError(
+                f"an image of {grey.shape[1]} x {grey.shape[0]} px",
+                expected=f"{self.frame_shape[1]} x {self.frame_shape[0]} px, as the frame has",
+                fix="pass the frame that the features were found in",
+                key="image",
+            )
+        sigma = predicted_sigma(grey, self.keypoints, window=window)
+        return replace(self, track_sigma=sigma)
+
+    def trackability(self, *, noise: float = 1.0, image_noise: float = 0.0) -> NDArray[np.float64]:
+        """Return the one-sigma of a track that is to be expected, (N,) [px], worst direction.
+
+        Parameters
+        ----------
+        noise : float
+            One-sigma of the noise in the video [grey levels].
+        image_noise : float
+            One-sigma of the noise in the frame that the features were found in; it passes for
+            texture unless its share is taken off [grey levels]. For a window of 21 px.
+
+        Returns
+        -------
+        (N,) [px]
+            NaN where the window leaves the frame, infinite where nothing can be followed. See
+            `openprc.vision.detection.trackability.predicted_sigma` for the formula.
+        """
+        from openprc.vision.detection import trackability  # noqa: PLC0415 - needs OpenCV
+
+        return trackability.sigma_of(
+            trackability.information_of(self.track_sigma),
+            window=trackability.WINDOW,
+            noise=noise,
+            image_noise=image_noise,
+        )
 
     def select(self, chosen: ArrayLike) -> FeatureMap:
         """Return the features of a boolean mask (N,) or of indices, in that order."""
@@ -149,7 +223,7 @@ class FeatureMap:
         SIFT gives a place once for every orientation that it sees there; as tracks these would
         be one and the same.
         """
-        return self.select(_apart(self.keypoints, min_distance))
+        return self.select(_apart(self.keypoints, min_distance, most=len(self)))
 
     def top_n(
         self,
@@ -171,11 +245,26 @@ class FeatureMap:
         min_distance : float [px]
             0 keeps everything.
         """
-        if int(n) != n or n < 1:
+        if not isinstance(n, int | np.integer) or n < 1:
             raise ConfigError(
                 f"n is {n!r}", expected="a whole number from 1", fix="raise it", key="n"
             )
+        if not min_distance >= 0:
+            raise ConfigError(
+                f"min_distance is {min_distance!r}",
+                expected="a distance in px, 0 or more",
+                fix="leave it out, or take half the window of the tracker",
+                key="min_distance",
+            )
         if by == "trackability":
+            if len(self) and np.isnan(self.track_sigma).all():
+                raise ConfigError(
+                    "no feature has a trackability: it was not computed, or every window leaves "
+                    "the frame",
+                    expected="features that were rated",
+                    fix="call rated(image) with the frame first, or rank by='response'",
+                    key="by",
+                )
             rank = np.where(np.isnan(self.track_sigma), np.inf, self.track_sigma)
         elif by == "response":
             rank = -self.responses
@@ -187,10 +276,9 @@ class FeatureMap:
                 key="by",
             )
         ranked = self.select(np.argsort(rank, kind="stable"))
-        apart = ranked.unique(min_distance=min_distance) if min_distance > 0 else ranked
-        best = apart.select(np.arange(min(int(n), len(apart))))
+        best = ranked.select(_apart(ranked.keypoints, min_distance, most=int(n)))
         if len(best) < n:
-            doubles = len(self) - len(apart)
+            doubles = len(self) - len(best)
             told = f", {doubles} more lie within {min_distance:g} px of a better one"
             best = replace(
                 best,
@@ -243,17 +331,27 @@ class FeatureMap:
         )
 
 
-def _apart(points: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
-    """Return which points (N, 2) have no earlier kept one within `distance`."""
-    kept = np.ones(len(points), bool)
-    if len(points) < 2 or not distance > 0:
-        return kept
-    from scipy.spatial import cKDTree
-
-    # "nearer than" excludes the distance itself, which the tree includes.
-    close = cKDTree(points).query_pairs(np.nextafter(distance, 0.0), output_type="ndarray")
-    close.sort(axis=1)
-    for first, second in close[np.lexsort((close[:, 1], close[:, 0]))]:
-        if kept[first]:
-            kept[second] = False
-    return kept
+def _apart(points: NDArray[np.float64], distance: float, *, most: int) -> NDArray[np.intp]:
+    """Return the first `most` points (N, 2) that have no earlier kept one within `distance`."""
+    if not distance > 0:
+        return np.arange(min(most, len(points)))
+    # Only kept points of the neighbouring squares can be too near; they are few, whatever the
+    # distance, so neither time nor memory grows with the pairs of points.
+    kept: list[int] = []
+    squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    limit = distance * distance
+    for i, (x, y) in enumerate(points.tolist()):
+        column, row = int(x // distance), int(y // distance)
+        near = (
+            other
+            for a in (column - 1, column, column + 1)
+            for b in (row - 1, row, row + 1)
+            for other in squares.get((a, b), ())
+        )
+        if any((x - u) ** 2 + (y - v) ** 2 < limit for u, v in near):
+            continue
+        squares.setdefault((column, row), []).append((x, y))
+        kept.append(i)
+        if len(kept) == most:
+            break
+    return np.array(kept, dtype=np.intp)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
+from inspect import Parameter, signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openprc.errors import ConfigError, UnknownName
+from openprc.hooks.faults import owned_by
 from openprc.hooks.registry import default_registry, resolve
+from openprc.vision.detection.detectors import OpenCVDetector
 from openprc.vision.detection.feature_map import FeatureMap
-from openprc.vision.opencv import load_cv2
+from openprc.vision.detection.images import grey_image, mask_image, why_nothing
+from openprc.vision.opencv import conflict_note, load_cv2
 
 #: Other names of built-in detectors.
 ALIASES = {"shi-tomasi": "gftt", "good-features-to-track": "gftt"}
@@ -101,6 +105,7 @@ def detect(
     *,
     mask: ArrayLike | None = None,
     ref_frame_index: int = 0,
+    value_range: tuple[float, float] | None = None,
     **settings: Any,
 ) -> FeatureMap:
     """Return the features of an image, strongest first.
@@ -108,14 +113,15 @@ def detect(
     Parameters
     ----------
     image : (H, W), (H, W, 3) blue-green-red or (H, W, 4)
-        8 bit as it is; deeper images by the fixed scaling of
-        `openprc.vision.source.grey_levels`.
+        8 bit as it is; deeper images are scaled, see `openprc.vision.detection.images`.
     method : str
         Name of the detector; see `get_detector`.
     mask : (H, W), optional
         0 or False where nothing is wanted.
     ref_frame_index : int
         Number of the frame, kept with the result.
+    value_range : (low, high), optional
+        The values that become grey 0 and 255 in an image deeper than 8 bits.
     **settings
         Of the detector.
 
@@ -130,51 +136,30 @@ def detect(
     NoFeaturesError
         Nothing is found.
     ConfigError
-        A wrong setting, mask or image.
+        A wrong setting or mask.
+    VideoError
+        What was passed is no image.
     """
-    grey = grey_image(image)
+    grey, notes = grey_image(image, value_range=value_range)
     allowed = None if mask is None else mask_image(mask, grey.shape)
     detector = get_detector(method, **settings)
     found = _found(detector, grey, allowed, method)
-    found = replace(found, ref_frame_index=int(ref_frame_index))
-    return found.require(hint=_why_nothing(grey, allowed) if not len(found) else "")
+    conflict = conflict_note()
+    notes = (*notes, *found.notes, *((conflict,) if conflict else ()))
+    found = replace(found, ref_frame_index=int(ref_frame_index), notes=notes)
+    return found.require(hint=why_nothing(grey, allowed) if not len(found) else "")
 
 
-def grey_image(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image as 8-bit grey levels (H, W)."""
-    from openprc.vision.source.grey_levels import GreyLevels  # noqa: PLC0415 - needs OpenCV
+def identity(name: str) -> str | None:
+    """Return what tells a detector from others that may have its name one day, for a cache.
 
-    return GreyLevels().convert(np.ascontiguousarray(image), index=0)[0]
-
-
-def mask_image(mask: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Return a mask as (H, W) uint8, 0 where nothing is wanted and 255 elsewhere.
-
-    Raises
-    ------
-    ConfigError
-        Another size than the image, or nothing is left.
+    None for one that this process registered itself: its code may change without a sign.
     """
-    given = np.asarray(mask)
-    if given.ndim == 3:
-        given = given.max(axis=2)
-    if given.shape != tuple(shape):
-        size = " x ".join(str(edge) for edge in given.shape[::-1])
-        raise ConfigError(
-            f"a mask of {size} px",
-            expected=f"{shape[1]} x {shape[0]} px, as the image",
-            fix="draw the mask over a frame of this video",
-            key="mask",
-        )
-    allowed = np.where(given != 0, np.uint8(255), np.uint8(0))
-    if not allowed.any():
-        raise ConfigError(
-            "the mask is 0 everywhere",
-            expected="white where points are wanted",
-            fix="invert it, or leave it out",
-            key="mask",
-        )
-    return allowed
+    known = ALIASES.get(name, name)
+    if known in _OWN:
+        return None
+    item = default_registry().find(_HOOK, known)
+    return f"{item.qualified_name} {item.version}"
 
 
 def _hook_names() -> tuple[str, ...]:
@@ -182,50 +167,64 @@ def _hook_names() -> tuple[str, ...]:
 
 
 def _made(name: str, factory: Callable[..., Any], settings: dict[str, Any]) -> Any:
-    if is_dataclass(factory):
-        names = [f.name for f in fields(factory)]
-        unknown = [key for key in settings if key not in names]
-        if unknown:
-            near = difflib.get_close_matches(unknown[0], names, n=1)
-            raise ConfigError(
-                f"the detector {name!r} has no setting {unknown[0]!r}",
-                expected="some of " + ", ".join(names),
-                fix=f"did you mean {near[0]!r}?" if near else "leave it out",
-                key=unknown[0],
-            )
-        defaults = {f.name: f.default for f in fields(factory)}
-        for key, value in settings.items():
-            _check_number(name, key, value, defaults[key])
-        return factory(**settings)
-    try:
-        return factory(**settings)
-    except TypeError as error:
+    names, open_ended = _settings_of(factory)
+    unknown = [] if open_ended else [key for key in settings if key not in names]
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], names, n=1)
         raise ConfigError(
-            f"the detector {name!r} does not take {', '.join(settings) or 'no settings'}: {error}",
-            expected="settings that its factory knows",
-            fix="look at its documentation",
-            key="detector",
-        ) from error
+            f"the detector {name!r} has no setting {unknown[0]!r}",
+            expected="some of " + ", ".join(names) if names else "no settings",
+            fix=f"did you mean {near[0]!r}?" if near else "leave it out",
+            key=unknown[0],
+        )
+    if not (isinstance(factory, type) and issubclass(factory, OpenCVDetector)):
+        return factory(**settings)
+    defaults = {f.name: f.default for f in fields(factory)}  # type: ignore[arg-type]
+    return factory(
+        **{key: _checked(name, key, value, defaults[key]) for key, value in settings.items()}
+    )
 
 
-def _check_number(name: str, key: str, value: Any, default: Any) -> None:
-    right = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if right and isinstance(default, int):
-        right = float(value).is_integer()
-    if not right or not np.isfinite(value) or value < 0:
-        kind = "a whole number" if isinstance(default, int) else "a number"
+def _settings_of(factory: Callable[..., Any]) -> tuple[list[str], bool]:
+    """Return the names that a factory takes, and whether it takes others, too."""
+    if is_dataclass(factory):
+        return [f.name for f in fields(factory)], False
+    try:
+        parameters = signature(factory).parameters.values()
+    except ValueError:
+        # Compiled code need not say.
+        return [], True
+    named = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    rest = any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters)
+    return [parameter.name for parameter in parameters if parameter.kind in named], rest
+
+
+def _checked(name: str, key: str, value: Any, default: Any) -> Any:
+    """Return a setting as the type that its default has."""
+    if not isinstance(default, int | float):
+        return value
+    kind: Any = type(default)
+    right = isinstance(value, int | float | np.number | np.bool_)
+    if kind is bool:
+        right = right and value in (0, 1)
+    else:
+        right = right and not isinstance(value, bool | np.bool_)
+        right = right and bool(np.isfinite(value)) and value >= 0 and kind(value) == value
+    if not right:
+        words = {bool: "True or False", int: "a whole number from 0", float: "a number from 0"}
         raise ConfigError(
             f"{key} of the detector {name!r} is {value!r}",
-            expected=f"{kind} from 0",
+            expected=words[kind],
             fix=f"the default is {default}",
             key=key,
         )
+    return kind(value)
 
 
 def _found(
     detector: Any, grey: NDArray[np.uint8], mask: NDArray[np.uint8] | None, name: str
 ) -> FeatureMap:
-    if hasattr(detector, "features"):
+    if callable(getattr(detector, "features", None)):
         try:
             found: FeatureMap = detector.features(grey, mask=mask)
         except load_cv2().error as error:
@@ -236,23 +235,14 @@ def _found(
                 key="detector",
             ) from error
         return found
-    given = detector.detect(grey)
+    owner = identity(name)
+    if owner is None:
+        given = detector.detect(grey)
+    else:
+        with owned_by(owner, "detecting"):
+            given = detector.detect(grey)
     if not isinstance(given, FeatureMap):
-        given = FeatureMap.from_points(
-            given, frame_shape=grey.shape, image=grey, detector_name=name
-        )
+        given = FeatureMap.from_points(given, frame_shape=grey.shape, detector_name=name)
+    if np.isnan(given.track_sigma).all():
+        given = given.rated(grey)
     return given if mask is None else given.filter_by_mask(mask)
-
-
-def _why_nothing(grey: NDArray[np.uint8], mask: NDArray[np.uint8] | None) -> str:
-    seen = grey if mask is None else grey[mask != 0]
-    low, high = int(seen.min()), int(seen.max())
-    if low == high:
-        return (
-            f"; the image is {'black' if high == 0 else 'white' if low == 255 else 'blank'}, "
-            f"grey level {low} everywhere"
-        )
-    saturated = float(np.mean((seen == 0) | (seen == 255)))
-    if saturated > 0.5:
-        return f"; {saturated:.0%} of the pixels are black or white (saturated)"
-    return f"; grey levels go from {low} to {high}"

@@ -73,23 +73,30 @@ def why_not_opened(path: Path, name: str) -> VideoError:
     found = f"the {name} container cannot be opened"
     fix = "copy it again, or convert it with the program that can play it"
     if name == "MP4/MOV":
-        boxes = mp4_boxes(path)
-        if b"moov" not in boxes:
-            found += ": its index (the box 'moov') is missing, as after an interrupted recording"
-            fix = (
-                "copy it again; if the original is no better, a repair needs an intact file of "
-                "the same camera"
-            )
-        elif boxes[b"moov"] > path.stat().st_size:
-            found += ": its index (the box 'moov') is cut off"
-            fix = "copy it again: the end of the file is missing"
-        else:
-            found += ": its index is there and names no frame that can be decoded"
+        found, fix = cut_index(path) or (f"{found}: its index names no frame", fix)
     elif name == "AVI":
         found += ": its header is damaged or the codec is unknown"
     return VideoError(
         found, expected="a video that was closed by what recorded it", fix=fix, file=path
     )
+
+
+def cut_index(path: Path) -> tuple[str, str] | None:
+    """Return what is wrong with the index of an MP4 file and what to do; None if it is whole."""
+    boxes = mp4_boxes(path)
+    if b"moov" not in boxes:
+        return (
+            "the index of this MP4/MOV file (the box 'moov') is missing, as after an interrupted "
+            "recording",
+            "copy it again; if the original is no better, a repair needs an intact file of the "
+            "same camera",
+        )
+    if boxes[b"moov"] > path.stat().st_size:
+        return (
+            "the index of this MP4/MOV file (the box 'moov') is cut off",
+            "copy it again: the end of the file is missing",
+        )
+    return None
 
 
 def mp4_boxes(path: Path) -> dict[bytes, int]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from openprc.errors import VideoError
 from openprc.vision.opencv import load_cv2
 from openprc.vision.source.avi_index import read_index
-from openprc.vision.source.containers import check_video, fourcc, why_not_opened
+from openprc.vision.source.containers import check_video, cut_index, fourcc, why_not_opened
 from openprc.vision.source.time_axis import count_fault
 
 #: More frames than this are taken for a broken header.
@@ -46,7 +46,9 @@ class VideoFile:
         capture = self._open()
         try:
             self.codec = fourcc(int(capture.get(cv2.CAP_PROP_FOURCC)))
-            pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(8, "little")[:4]
+            # Unknown is -1, of which the lowest four bytes make no format.
+            code = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF
+            pixels = code.to_bytes(4, "little")
             declared = capture.get(cv2.CAP_PROP_FRAME_COUNT)
             self.declared_fps = float(capture.get(cv2.CAP_PROP_FPS))
             self.orientation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META))
@@ -141,6 +143,8 @@ class VideoFile:
 
     def no_frame(self) -> VideoError:
         """Return the error for a file that opens and delivers nothing."""
+        if self.container == "MP4/MOV" and cut_index(self.path):
+            return why_not_opened(self.path, self.container)
         fix = "convert it, for example to FFV1 or H.264"
         if self.codec.upper() == "AV01":
             fix += (

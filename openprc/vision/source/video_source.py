@@ -101,8 +101,8 @@ class VideoSource:
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
         self._notes: list[str] = []
-        self._fault(*reader.faults)
         self._look_at_first_frames()
+        self._fault(*reader.faults)
 
     def _look_at_first_frames(self) -> None:
         """Find size, depth and plausible rate, and fail now rather than at the end."""
@@ -183,6 +183,11 @@ class VideoSource:
     def value_range(self) -> tuple[float, float] | None:
         """The values that become grey 0 and 255; None for 8 bit."""
         return self._levels.value_range
+
+    @property
+    def bayer(self) -> str | None:
+        """The colours of the upper left 2 x 2 pixels of a raw mosaic, as was asked."""
+        return self._levels.bayer
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from openprc.schema import Finding
+from openprc.schema.findings import Level
+from openprc.vision.tracking.status import Status
 
 if TYPE_CHECKING:
     from openprc.schema import Trajectory, TrajectoryWriter
 
 NAME = "openprc-vision"
 VERSION = "1.0"
+_LOST = (Status.LOST, Status.OOB, Status.DRIFT)
+#: Frames that are looked at at a time.
+_BLOCK = 4096
 _MEANING = {
     "quality": "zero-normalised cross-correlation with the template; NaN where not known",
     "sigma": "one-sigma of the position along every axis; NaN where not known",
@@ -63,29 +68,32 @@ def check(trajectory: Trajectory) -> Iterator[Finding]:
     """Yield findings about status codes that do not exist, or that the mask contradicts."""
     if "status" not in trajectory.extension_names(NAME):
         return
+    masked = trajectory.has("/time_series/nodes/observed")
+    for start in range(0, trajectory.n_frames, _BLOCK):
+        frames = slice(start, start + _BLOCK)
+        status = trajectory.extension(NAME, "status", frames=frames)
+        unknown = np.argwhere(status > max(Status))
+        if len(unknown):
+            frame, point = (int(i) for i in unknown[0])
+            yield _finding(
+                "VISION-01", "error", f"a status of {int(status[frame, point])} at frame "
+                f"{start + frame}, point {point}", f"0 to {int(max(Status))}",
+            )  # fmt: skip
+            return
+        observed = trajectory.observed(frames) if masked else None
+        if observed is None or observed.shape != status.shape:
+            continue
+        wrong = np.argwhere(np.isin(status, _LOST) & (observed > 0))
+        if len(wrong):
+            frame, point = (int(i) for i in wrong[0])
+            yield _finding(
+                "VISION-02", "warning",
+                f"point {point} is lost in frame {start + frame} and has a position",
+                "no position where a point is lost",
+            )  # fmt: skip
+            return
+
+
+def _finding(code: str, level: Level, found: str, expected: str) -> Finding:
     path = f"/extensions/{NAME}/status"
-    status = trajectory.extension(NAME, "status")
-    if status.size and int(status.max()) > 5:
-        yield Finding(
-            code="VISION-01",
-            level="error",
-            path=path,
-            found=f"a status of {int(status.max())}",
-            expected="0 to 5",
-            fix="track the video again",
-        )
-        return
-    if not trajectory.has("/time_series/nodes/observed"):
-        return
-    lost = np.isin(status, (1, 2, 3))
-    observed = trajectory.observed()
-    if lost.shape == observed.shape and (lost & (observed > 0)).any():
-        frame, point = (int(i) for i in np.argwhere(lost & (observed > 0))[0])
-        yield Finding(
-            code="VISION-02",
-            level="warning",
-            path=path,
-            found=f"point {point} is lost in frame {frame} and has a position",
-            expected="no position where a point is lost",
-            fix="track the video again",
-        )
+    return Finding(code, level, path, found, expected, "track the video again")

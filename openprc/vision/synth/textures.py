@@ -28,7 +28,7 @@ class Texture(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Speckle:
-    """Bright and dark Gaussian blobs in a jittered grid.
+    """Bright and dark Gaussian blobs of normally distributed height in a jittered grid.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ class Speckle:
         rng = np.random.default_rng(self.seed)
         table = np.empty((_PERIOD, _PERIOD, 4))
         table[..., :2] = rng.uniform(0.0, 1.0, (_PERIOD, _PERIOD, 2))
-        table[..., 2] = rng.choice([-1.0, 1.0], (_PERIOD, _PERIOD))
+        table[..., 2] = rng.standard_normal((_PERIOD, _PERIOD))
         table[..., 3] = rng.uniform(*self.sigma, (_PERIOD, _PERIOD))
-        # Blobs of random sign are shot noise: Campbell's theorem gives the variance,
+        # Blobs of random weight are shot noise: Campbell's theorem gives the variance,
         # density times the integral of the squared blob, pi sigma^2.
         table[..., 2] *= self.contrast / np.sqrt(np.pi * (table[..., 3] ** 2).mean() / self.cell**2)
         return table

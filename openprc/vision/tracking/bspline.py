@@ -11,8 +11,6 @@ directions, gives the same number for a pixel whatever else is computed, and a m
 pixels.
 """
 
-# ruff: noqa: TID253 - compiled code.
-
 from __future__ import annotations
 
 from typing import Any

@@ -38,9 +38,6 @@ class KLTConfig:
         Farthest that the refinement may end from where it was led.
     max_step : float [px], optional
         Farthest that a point may move between two frames; no limit where left out.
-    max_sigma : float [px]
-        Positions less certain than this along their worst direction are not given out: the
-        texture leaves that direction open (the aperture problem).
     reacquire : bool
         Look for lost points again in every frame.
     search_radius : int [px]
@@ -70,12 +67,11 @@ class KLTConfig:
     refinement: RefineSettings = field(default_factory=RefineSettings)
     max_offset: float = 3.0
     max_step: float | None = None
-    max_sigma: float = 0.2
     reacquire: bool = True
     search_radius: int = 10
     neighbours: int = 12
     consistency: float = 1.5
-    key_quality: float = 0.5
+    key_quality: float = 0.7
     key_rotation: float = 25.0
     key_strain: float = 0.25
     backward_memory: float = 256.0
@@ -110,7 +106,7 @@ class KLTConfig:
                 key="refine",
             )
         least = {"max_iterations": 1, "search_radius": 0, "neighbours": 3}
-        positive = ("epsilon", "fb_threshold", "max_offset", "max_sigma", "consistency")
+        positive = ("epsilon", "fb_threshold", "max_offset", "consistency")
         for name in (
             *least,
             *positive,

@@ -18,7 +18,12 @@ from openprc.vision.tracking.local_motion import MAD_TO_SIGMA, local_motion, mas
 DEVIATIONS = 3.0
 #: Distance [px] from its place among its neighbours that is always allowed to a point.
 _ALLOWANCE = 0.7
-#: The same for another point as led to by a point's own deformation, for each pixel between them.
+#: Neighbours without whose agreement nothing is held against, or for, a point.
+_SUPPORT = 5
+#: Robust deviation of neighbours [px] from which on they agree on nothing.
+_SCATTER = 1.5
+#: Distance that is allowed to another point as led to by a point's own deformation, beyond
+#: that and for each pixel between them.
 _BENDING = 0.1
 
 
@@ -65,6 +70,8 @@ def out_of_place(
     deformation: NDArray[np.float64],
     found: NDArray[np.bool_],
     neighbours: NDArray[np.intp],
+    *,
+    doubtful: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
     """Return which of `points` (n,) are not where their neighbours were deformed to.
 
@@ -81,15 +88,21 @@ def out_of_place(
         Deformation gradient at `points`.
     found : (N,)
     neighbours : (N, k)
+    doubtful : (n,)
+        Points that need five neighbours in agreement to be believed.
     """
     table = neighbours[points]
+    if table.shape[1] < _SUPPORT:
+        return np.zeros(len(points), bool)
     valid = found[table]
     at = reference[points]
     place = local_motion(reference[table], positions[table], valid, at)
     away = np.linalg.norm(positions[points] - place.positions, axis=1)
     limit = np.maximum(DEVIATIONS * place.spread, _ALLOWANCE)
     with np.errstate(invalid="ignore"):
-        off = (away > limit) & (valid.sum(axis=1) >= 5)
+        enough = valid.sum(axis=1) >= _SUPPORT
+        alone = doubtful & (~enough | (place.spread > _SCATTER))
+        off = (away > limit) & enough & ~alone
     if off.any():
         offset = reference[table] - at[:, None]
         led = positions[points][:, None] + np.einsum("nij,nkj->nki", deformation, offset)
@@ -97,4 +110,4 @@ def out_of_place(
         near = apart < _ALLOWANCE + _BENDING * np.linalg.norm(offset, axis=2)
         apart_from_rest = place.residuals > limit[:, None]
         off &= (valid & near & apart_from_rest).sum(axis=1) < 2
-    return off
+    return off | alone

@@ -56,6 +56,12 @@ def _answer(n: int) -> _Out:
     )
 
 
+def _way(side: int) -> NDArray[np.float64]:
+    """Root mean square way of a window's pixels [px] for a unit of each parameter."""
+    linear, pure, mixed = side / np.sqrt(12.0), side**2 / np.sqrt(80.0), side**2 / 12.0
+    return np.array([1.0, 1.0, *[linear] * 4, *[pure, mixed, pure] * 2])
+
+
 def compose(parent_warps: NDArray[Any], warps: NDArray[Any]) -> NDArray[np.float64]:
     """Return the warps from the parents' templates to the image.
 
@@ -116,6 +122,7 @@ class Correlator:
                 free,
                 settings.model == "auto",
                 (settings.max_iterations, settings.tolerance, settings.max_shift),
+                _way(settings.subset),
                 PENALTY_DEFORMATION,
                 PENALTY_CURVATURE,
             ),
@@ -130,5 +137,6 @@ class Correlator:
             )
             with np.errstate(invalid="ignore"):
                 worse = ~(2.0 * (1.0 - out.zncc) <= gate)
+                worse |= ~(out.sigma <= settings.max_sigma).all(axis=1)
             out.reason[(out.reason == Reason.ACCEPTED) & worse] = Reason.BELOW_GATE
         return Refined(accepted=out.reason == Reason.ACCEPTED, **out._asdict())

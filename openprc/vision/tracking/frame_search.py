@@ -95,12 +95,11 @@ class FrameSearch:
         """Return which refinements from `guess` (n, 6) can be believed on their own."""
         offset = np.linalg.norm(refined.positions - guess[:, :2], axis=1)
         with np.errstate(invalid="ignore"):
-            certain = refined.sigma.max(axis=1) <= self.config.max_sigma
             near = offset <= self.config.max_offset
             # A window that has been turned inside out or shrunk to a dot matches anything.
             change = np.abs(refined.warps[:, 2:] - guess[:, 2:]).max(axis=1)
             sound = change <= _MOST_CHANGE
-        return refined.accepted & near & certain & sound
+        return refined.accepted & near & sound
 
     def keep(
         self,

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from openprc.vision.tracking.config import KLTConfig
 from openprc.vision.tracking.local_motion import masked_median
 
+#: Part of a point's wear that its neighbours must show as well.
+_SHARED = 0.75
+
 
 def rotation(deformation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angle [deg] of the rotation in deformation gradients (n, 2, 2).
@@ -77,5 +80,5 @@ def worn(
     due = found & (worn_by > limit)
     if due.any() and neighbours.shape[1]:
         around = masked_median(worn_by[neighbours], found[neighbours])
-        due &= ~(around < worn_by / 2)
+        due &= ~(around < _SHARED * worn_by)
     return due

@@ -61,7 +61,7 @@ def neighbour_table(points: NDArray[np.float64], k: int) -> NDArray[np.intp]:
 
 def nearest(points: NDArray[np.float64], at: NDArray[np.float64], k: int) -> NDArray[np.intp]:
     """Return which of `points` (N, 2) are nearest to each of `at` (n, 2): (n, min(k, N))."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - a heavy package
+    from scipy.spatial import cKDTree
 
     k = min(k, len(points))
     found: NDArray[np.intp] = cKDTree(points).query(at, k=np.arange(1, k + 1))[1]

@@ -40,6 +40,8 @@ class PointState:
         Templates between the one in use and the reference frame.
     base : (N, 2, 2)
         Deformation gradient of the template in use since the reference frame.
+    base_sigma : (N, 2) [px]
+        One-sigma of the position at which the template in use was cut.
     """
 
     reference: NDArray[np.float64]
@@ -56,6 +58,7 @@ class PointState:
     template: NDArray[np.intp] = field(init=False)
     depth: NDArray[np.int32] = field(init=False)
     base: NDArray[np.float64] = field(init=False)
+    base_sigma: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
         n = len(self.reference)
@@ -72,6 +75,7 @@ class PointState:
         self.template = self.first_template.copy()
         self.depth = np.zeros(n, np.int32)
         self.base = np.tile(np.eye(2), (n, 1, 1))
+        self.base_sigma = np.zeros((n, 2))
 
     @property
     def positions(self) -> NDArray[np.float64]:

@@ -36,6 +36,10 @@ _FRESH, _LATE = 10, 10
 _LOOK_BACK = 5
 #: A point that correlates less than this is held to its place among its neighbours.
 _FAINT = 0.97
+#: One that correlates less than this, or has lost this many times what it usually lacks and
+#: more, is not believed without agreement of its neighbours.
+_DOUBTFUL = 0.85
+_SUDDEN, _SUDDEN_LOSS = 6.0, 0.02
 #: Frames for which a lost point is taken to go on as it did.
 _COASTING = 10
 #: Lost points for which a larger surrounding is searched in one frame.
@@ -267,7 +271,10 @@ class RefinedTracks:
         state = self._state
         drifted = np.zeros(len(state.reference), bool)
         with np.errstate(invalid="ignore"):
-            faint = np.flatnonzero(search.found & (search.quality < _FAINT))
+            # A fall that comes suddenly is rather something in the way than wear.
+            fallen = 1.0 - search.quality > _SUDDEN * (1.0 - state.usual) + _SUDDEN_LOSS
+            doubtful = (search.quality < _DOUBTFUL) | fallen
+            faint = np.flatnonzero(search.found & ((search.quality < _FAINT) | fallen))
         if len(faint):
             slid = faint[
                 out_of_place(
@@ -277,6 +284,7 @@ class RefinedTracks:
                     (gradients(search.warps) @ state.base)[faint],
                     search.found,
                     self._neighbours,
+                    doubtful=doubtful[faint],
                 )
             ]
             search.found[slid] = False
@@ -300,7 +308,7 @@ class RefinedTracks:
         returned = np.flatnonzero(found & (search.template != state.template))
         self._forget(returned)
         state.depth[returned] = 0
-        state.base[returned] = np.eye(2)
+        state.base[returned], state.base_sigma[returned] = np.eye(2), 0.0
         state.template[found] = search.template[found]
         state.warps[found] = search.warps[found]
         state.coasting[found] = search.warps[found, :2]
@@ -341,6 +349,7 @@ class RefinedTracks:
             state.quality[rows], state.sigma[rows] = first.zncc[good], first.sigma[good]
             state.template[rows] = state.first_template[rows]
             state.depth[rows], state.base[rows] = 0, np.eye(2)
+            state.base_sigma[rows] = 0.0
             self._forget(rows)
         settled = state.tracked & (self._age >= _FRESH)
         due = np.flatnonzero(
@@ -359,6 +368,7 @@ class RefinedTracks:
         new = self._correlator.add_templates(image, state.warps[due, :2])
         due, new = due[new >= 0], new[new >= 0]
         state.base[due] = deformation[due]
+        state.base_sigma[due] = np.hypot(state.base_sigma[due], state.sigma[due])
         state.warps[due, 2:] = 0.0
         state.template[due] = new
         state.depth[due] += 1
@@ -407,6 +417,7 @@ class RefinedTracks:
         state = self._state
         seen = (state.status == Status.TRACKED) | (state.status == Status.REFERENCE)
         deformation = gradients(state.warps) @ state.base
+        sigma = np.hypot(state.sigma, state.base_sigma)
         return FrameTracks(
             index=frame.index,
             stamp=frame.stamp,
@@ -414,7 +425,7 @@ class RefinedTracks:
             positions=np.where(seen[:, None], state.warps[:, :2], np.nan),
             status=state.status.copy(),
             quality=np.where(seen, state.quality, np.nan).astype(np.float32),
-            sigma=np.where(seen[:, None], state.sigma, np.nan).astype(np.float32),
+            sigma=np.where(seen[:, None], sigma, np.nan).astype(np.float32),
             template=state.depth.copy(),
             deformation=np.where(seen[:, None, None], deformation, np.nan).astype(np.float32),
         )

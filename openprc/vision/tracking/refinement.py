@@ -27,7 +27,8 @@ class Reason(IntEnum):
     NOT_CONVERGED = 3
     """Still moving after the last iteration, or too far from the guess."""
     BELOW_GATE = 4
-    """The best match is not good enough, or the image has no texture or no values there."""
+    """The best match is too different or too uncertain, or the image has no texture or no values
+    there."""
     SINGULAR = 5
     """The window was folded or blown up."""
 
@@ -40,16 +41,21 @@ class RefineSettings:
     ----------
     subset : int [px]
         Side of the square window, odd.
-    model : {"auto", "affine", "translation"}
-        What a window may do from the template to the image. "auto" is affine with the
-        deformation drawn towards none as far as noise explains it.
+    model : {"auto", "quadratic", "affine", "translation"}
+        What a window may do from the template to the image. "auto" is affine, quadratic where
+        the match shows curvature, and draws deformation and curvature towards none as far as
+        noise explains them; there is no jump from one model to another.
     max_iterations : int
-        Refinements that need more are refused.
+        Refinements that need more are refused; "auto" may begin anew with a simpler or a richer
+        model, and each has as many.
     tolerance : float [px]
         Remaining error of the iteration at which it ends.
     max_znssd : float
         Zero-mean normalised sum of squared differences, 2 (1 - ZNCC), up to which a match is
         accepted; where noise explains more than that, three times what it explains.
+    max_sigma : float [px]
+        One-sigma of either coordinate up to which a match is accepted: at 0.25 px, normal errors
+        of more than 1 px are 3 in 10 000.
     max_shift : float [px]
         How far from its guess a point may end up.
     """
@@ -59,6 +65,7 @@ class RefineSettings:
     max_iterations: int = 20
     tolerance: float = 1e-3
     max_znssd: float = 0.1
+    max_sigma: float = 0.25
     max_shift: float = 8.0
 
     def __post_init__(self) -> None:
@@ -68,6 +75,7 @@ class RefineSettings:
         self._check("max_iterations", self.max_iterations >= 1, "at least 1")
         self._check("tolerance", 0.0 < self.tolerance < 1.0, "between 0 and 1 px")
         self._check("max_znssd", 0.0 < self.max_znssd < 2.0, "between 0 and 2")
+        self._check("max_sigma", self.max_sigma > 0.0, "a positive number of pixels")
         self._check("max_shift", 0.0 < self.max_shift < np.inf, "a positive number of pixels")
 
     def _check(self, key: str, good: bool, expected: str) -> None:

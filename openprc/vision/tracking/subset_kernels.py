@@ -9,7 +9,7 @@ coordinate. The point of a template at (dx, dy) from its tracked point is looked
 The first two, six or all twelve are free: translation, affine, quadratic.
 """
 
-# ruff: noqa: TID253, ANN001, ANN201, ANN202 - compiled: types are those of the caller.
+# ruff: noqa: ANN001, ANN201, ANN202 - compiled: types are those of the caller.
 
 from __future__ import annotations
 
@@ -106,21 +106,14 @@ def _measure(c, warp, curved, store, t, g, sums):
             v1 += part
             v2 += part * dx
         d = np.float64(dy)
-        sums[0] += s0
-        sums[1] += s1
-        sums[2] += s2
-        sums[3] += u0
-        sums[4] += v0
-        sums[5] += u1
-        sums[6] += u0 * d
-        sums[7] += v1
-        sums[8] += v0 * d
-        sums[9] += u2
-        sums[10] += u1 * d
-        sums[11] += u0 * d * d
-        sums[12] += v2
-        sums[13] += v1 * d
-        sums[14] += v0 * d * d
+        a0, a1, a2 = np.float64(u0), np.float64(u1), np.float64(u2)
+        b0, b1, b2 = np.float64(v0), np.float64(v1), np.float64(v2)
+        plain = np.float64(s0), np.float64(s1), np.float64(s2), a0, b0, a1, a0 * d, b1, b0 * d
+        curvature = a2, a1 * d, a0 * d * d, b2, b1 * d, b0 * d * d
+        for k in range(9):
+            sums[k] += plain[k]
+        for k in range(6):
+            sums[9 + k] += curvature[k]
 
 
 @inner
@@ -318,9 +311,9 @@ def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
 @part
 def _bent(b, rest, store, t, step, penalty):
     """Say whether the residual of an affine match shows more curvature than noise makes."""
-    lowered = _solve(store.to_quadratic[t], b, 12, step) - _solve(store.to_affine[t], b, 6, step)
-    _solve(store.to_quadratic[t], b, 12, step)
-    variance = max(rest - lowered, 0.0) / (store.values.shape[1] ** 2 - 14)
+    by_affine = _solve(store.to_affine[t], b, 6, step)
+    lowered = _solve(store.to_quadratic[t], b, 12, step)
+    variance = max(rest + by_affine - lowered, 0.0) / (store.values.shape[1] ** 2 - 14)
     return _significance(store.weight_q[t], step[6:]) > penalty * variance
 
 
@@ -329,18 +322,13 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
     """Match templates, starting from guesses.
 
     `options`: free parameters; whether noise decides on them (from six on); limits of the
-    iteration (their number, tolerance and longest way [px]); penalties of deformation and of
-    curvature.
+    iteration (their number, tolerance and longest way [px]); way of the window's pixels for a unit
+    of each parameter; penalties of deformation and of curvature.
     """
-    start, weighed, limits, penalty_a, penalty_q = options
+    start, weighed, limits, way, penalty_a, penalty_q = options
     side = store.values.shape[1]
     work = (np.empty(side, np.float32), np.empty(N_SUMS), np.empty(12), np.empty(12), np.zeros(12))
     warp, bent = np.empty(12), np.empty(12)
-    # Root mean square way of the window's pixels for a unit of each parameter.
-    way = np.ones(12)
-    way[2:6] = side / np.sqrt(12.0)
-    way[6:] = side**2 / np.sqrt(80.0)
-    way[7] = way[10] = side**2 / 12.0
     for n in range(len(ids)):
         t, guess, box = ids[n], guesses[n], boxes[n]
         warp[:6] = guess
@@ -369,11 +357,11 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
                 )
                 count += more
                 # Twelve parameters may run away where six do not.
-                if ended == ACCEPTED and zncc_q >= zncc:
-                    if np.hypot(bent[0] - warp[0], bent[1] - warp[1]) < _BENT_SHIFT:
-                        warp[:] = bent
-                        rest, scale, zncc, free = rest_q, scale_q, zncc_q, 12
-        elif weighed and (reason == NOT_CONVERGED or reason == SINGULAR):
+                shift = np.hypot(bent[0] - warp[0], bent[1] - warp[1])
+                if ended == ACCEPTED and zncc_q >= zncc and shift < _BENT_SHIFT:
+                    warp[:] = bent
+                    rest, scale, zncc, free = rest_q, scale_q, zncc_q, 12
+        elif weighed and reason in (NOT_CONVERGED, SINGULAR):
             # Too noisy for six parameters: the deformation of the guess has to do.
             warp[:6] = guess
             free = 2

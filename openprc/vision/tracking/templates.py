@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from openprc.vision.tracking.bspline import BORDER, PIXEL_DERIVATIVE, PreparedImage
 from openprc.vision.tracking.noise import local_noise
-from openprc.vision.tracking.uncertainty import Normal, normal_equations
+from openprc.vision.tracking.uncertainty import GradientNoise, Gradients, Normal, normal_equations
 
 __all__ = ["TemplateArrays", "TemplateStore"]
 
@@ -20,11 +21,9 @@ _ACROSS = np.exp(-(_TAPS**2) / (2.0 * 0.7**2))
 _ACROSS /= _ACROSS.sum()
 _ALONG = _TAPS * _ACROSS
 _ALONG /= (_TAPS * _ALONG).sum()
-#: What white noise of variance one adds to the mean square of the smoothed gradient, and to
-#: the mean product of the smoothed and the exact one.
-SMOOTH_NOISE = float((_ALONG**2).sum() * (_ACROSS**2).sum())
-MIXED_NOISE = float(
-    _ACROSS[2] * (_ALONG * PIXEL_DERIVATIVE[_TAPS + len(PIXEL_DERIVATIVE) // 2]).sum()
+_NOISE_GAIN = GradientNoise(
+    smooth=float((_ALONG**2).sum() * (_ACROSS**2).sum()),
+    mixed=float(_ACROSS[2] * (_ALONG * PIXEL_DERIVATIVE[_TAPS + len(PIXEL_DERIVATIVE) // 2]).sum()),
 )
 
 
@@ -57,6 +56,34 @@ def _windows(
     rows = corner[:, 1, None, None] + around[:, None]
     columns = corner[:, 0, None, None] + around
     return field[rows, columns].astype(np.float64)
+
+
+def _gradients(
+    image: PreparedImage, corner: NDArray[np.int64], side: int
+) -> tuple[Gradients, Gradients]:
+    """Return the smoothed gradient in windows, and that of the spline through the pixels."""
+    height, width = image.shape
+    around = np.arange(-2, side + 2)
+    rows, columns = corner[:, 1, None] + around, corner[:, 0, None] + around
+    # Mirrored about the edge of the image, as the spline is.
+    rows = (height - 1) - np.abs((height - 1) - np.abs(rows))
+    columns = (width - 1) - np.abs((width - 1) - np.abs(columns))
+    pixels = image.intensity[rows[:, :, None], columns[:, None, :]].astype(np.float64)
+    wide = sliding_window_view(pixels, 5, axis=2)
+    smooth = (
+        sliding_window_view(wide @ _ALONG, 5, axis=1) @ _ACROSS,
+        sliding_window_view(wide @ _ACROSS, 5, axis=1) @ _ALONG,
+    )
+    image.require(np.concatenate([corner, corner + side], axis=1)[:, [0, 2, 1, 3]])
+    c = _windows(image.coefficients, corner + BORDER, side, margin=1)
+    middle = slice(1, -1)
+    across_y = (c[:, :-2] + 4.0 * c[:, middle] + c[:, 2:]) / 6.0
+    across_x = (c[:, :, :-2] + 4.0 * c[:, :, middle] + c[:, :, 2:]) / 6.0
+    exact = (
+        (across_y[:, :, 2:] - across_y[:, :, :-2]) / 2.0,
+        (across_x[:, 2:] - across_x[:, :-2]) / 2.0,
+    )
+    return smooth, exact
 
 
 class TemplateStore:
@@ -123,13 +150,23 @@ class TemplateStore:
         mean = f.mean(axis=(1, 2))
         f -= mean[:, None, None]
         noise = local_noise(f)
-        normal = self._normal(image, corner, points, f, noise)
+        offset = corner - points
+        smooth, exact = _gradients(image, corner, side)
+        normal = normal_equations(
+            f,
+            mean=mean,
+            smooth=smooth,
+            exact=exact,
+            offset=offset,
+            noise=noise,
+            gain=_NOISE_GAIN,
+        )
         keep = np.flatnonzero(normal.good)
         slots = np.arange(self.n, self.n + keep.size)
         self._reserve(self.n + keep.size)
         # Rounding to whole grey levels is noise too, even where there is no other.
         floor = 1.0 / 12.0 if image.intensity.dtype.kind in "ui" else 0.0
-        self.arrays.offset[slots] = (corner - points)[keep]
+        self.arrays.offset[slots] = offset[keep]
         self.arrays.values[slots] = f[keep]
         self.arrays.mean[slots] = mean[keep]
         self.arrays.floor[slots] = floor
@@ -140,43 +177,3 @@ class TemplateStore:
         self.n += keep.size
         ids[candidates[keep]] = slots
         return ids
-
-    def _normal(
-        self,
-        image: PreparedImage,
-        corner: NDArray[np.int64],
-        points: NDArray[np.float64],
-        f: NDArray[np.float64],
-        noise: NDArray[np.float64],
-    ) -> Normal:
-        side = self.subset
-        image.require(np.concatenate([corner, corner + side], axis=1)[:, [0, 2, 1, 3]])
-        c = _windows(image.coefficients, corner + BORDER, side, margin=1)
-        inner = slice(1, -1)
-        across_y = (c[:, :-2] + 4.0 * c[:, inner] + c[:, 2:]) / 6.0
-        across_x = (c[:, :, :-2] + 4.0 * c[:, :, inner] + c[:, :, 2:]) / 6.0
-        exact = (
-            (across_y[:, :, 2:] - across_y[:, :, :-2]) / 2.0,
-            (across_x[:, 2:] - across_x[:, :-2]) / 2.0,
-        )
-        # Mirrored where the window touches the edge of the image.
-        height, width = image.shape
-        around = np.arange(-2, side + 2)
-        rows, columns = corner[:, 1, None] + around, corner[:, 0, None] + around
-        rows = (height - 1) - np.abs((height - 1) - np.abs(rows))
-        columns = (width - 1) - np.abs((width - 1) - np.abs(columns))
-        pixels = image.intensity[rows[:, :, None], columns[:, None, :]].astype(np.float64)
-        wide = np.lib.stride_tricks.sliding_window_view(pixels, 5, axis=2)
-        tall_smooth = np.lib.stride_tricks.sliding_window_view(wide @ _ACROSS, 5, axis=1)
-        tall_slope = np.lib.stride_tricks.sliding_window_view(wide @ _ALONG, 5, axis=1)
-        smooth = (tall_slope @ _ACROSS, tall_smooth @ _ALONG)
-        offset = corner - points
-        return normal_equations(
-            f,
-            smooth=smooth,
-            exact=exact,
-            offset=offset,
-            noise=noise,
-            smooth_noise=SMOOTH_NOISE,
-            mixed_noise=MIXED_NOISE,
-        )

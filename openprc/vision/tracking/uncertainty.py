@@ -1,15 +1,19 @@
 """Normal equations of subset matching, and how noise gets into their solution.
 
-With J the Jacobian of the template by the smoothed gradient and K that by the exact one, both
-orthogonal to the constant and to the template itself, so that offset and gain of the light drop
-out, the warp solves J'(g(warp) - f) = 0. Steps are M^-1 J'g with M = J'K, and noise of variance
-s^2 in the differences makes the covariance
+With J the Jacobian of the template, orthogonal to the constant and to the template itself so
+that offset and gain of the light drop out, the warp solves J'(g(warp) - f) = 0 in the image g.
+With K the Jacobian of an image without noise, steps are M^-1 J'g with M = J'K, and noise of
+variance s^2 in the differences makes the covariance
 
     s^2 M^-1 (J'J) M^-T,
 
-which for J = K is the Cramer-Rao bound s^2 (J'J)^-1. Noise of the template's own pixels adds
-to J'J and to M; what it adds to M on average is taken off, or steps would be too short and
-deviations too small.
+which for J = K is the Cramer-Rao bound s^2 (J'J)^-1 (Kay 1993, Fundamentals of Statistical
+Signal Processing I, chapter 3). Here J is made with a smoothed gradient of a noisy template, and
+
+    M = r (J'J - s^2 N),
+
+where N is what unit noise makes of J'J on average, and r is by how much smoothing weakens the
+gradient. Without either, steps would be too short and deviations too small.
 """
 
 from __future__ import annotations
@@ -19,16 +23,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normal", "normal_equations"]
+__all__ = ["GradientNoise", "Gradients", "Normal", "normal_equations"]
 
-#: Up to this share of a diagonal element is taken for noise.
+#: Up to this share of a diagonal element of M is taken for noise.
 _MOST_NOISE = 0.7
-#: Smallest eigenvalue, of the matrix scaled to a unit diagonal, at which a step is determined.
+#: Smallest eigenvalue, of M scaled to a unit diagonal, at which a step is determined.
 _SINGULAR = 1e-5
+#: Smallest spread of grey levels, over their size, that is no rounding error of the arithmetic.
+_SMALLEST_CONTRAST = 1e-6
+
+Gradients = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+class GradientNoise(NamedTuple):
+    """What unit noise makes of the gradient, on average [1/px^2]."""
+
+    smooth: float
+    """Of the square of the smoothed gradient."""
+    mixed: float
+    """Of the product of the smoothed and the exact one."""
 
 
 class Normal(NamedTuple):
-    """Data of n templates; `good` says which have texture in every direction."""
+    """Data of n templates; `good` says which have texture in every direction.
+
+    Parameters come in the order of the kernels: two of the position, four of the deformation
+    (a), six of the curvature (q). ``pull`` says by how much the others change for what is taken
+    off these, ``weight`` is the inverse covariance, ``variance`` that of the position for two,
+    six and twelve free parameters; all for differences with unit noise.
+    """
 
     good: NDArray[np.bool_]
     energy: NDArray[np.float64]
@@ -46,10 +69,12 @@ class Normal(NamedTuple):
     variance: NDArray[np.float64]
 
 
+def _diagonal(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.einsum("nii->ni", matrices)
+
+
 def _jacobian(
-    gradients: tuple[NDArray[np.float64], NDArray[np.float64]],
-    dx: NDArray[np.float64],
-    dy: NDArray[np.float64],
+    gradients: Gradients, dx: NDArray[np.float64], dy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     gx, gy = gradients
     columns = [gx, gy, gx * dx, gx * dy, gy * dx, gy * dy]
@@ -58,29 +83,35 @@ def _jacobian(
     return np.stack(columns, axis=1).reshape(len(gx), 12, -1)
 
 
+def _set_aside(good: NDArray[np.bool_], *matrices: NDArray[np.float64]) -> None:
+    """Put something that has an inverse in the place of what is not good."""
+    for matrix in matrices:
+        matrix[~good] = np.eye(matrix.shape[-1])
+
+
 def normal_equations(
     f: NDArray[np.float64],
     *,
-    smooth: tuple[NDArray[np.float64], NDArray[np.float64]],
-    exact: tuple[NDArray[np.float64], NDArray[np.float64]],
+    mean: NDArray[np.float64],
+    smooth: Gradients,
+    exact: Gradients,
     offset: NDArray[np.float64],
     noise: NDArray[np.float64],
-    smooth_noise: float,
-    mixed_noise: float,
+    gain: GradientNoise,
 ) -> Normal:
     """Set up the normal equations of templates.
 
     Parameters
     ----------
     f : (n, S, S) [grey levels]
-        Values, less their mean.
+        Values, less their `mean` (n,).
     smooth, exact : two of (n, S, S) [grey levels/px]
-        Gradient in x and y.
+        Gradient in x and y, smoothed and of the spline through the pixels.
     offset : (n, 2) [px]
         First pixel of the window, from the tracked point.
     noise : (n,) [grey levels]
-    smooth_noise, mixed_noise : float [1/px^2]
-        Mean square of the smoothed gradient of unit noise, and its mean product with the exact.
+        One standard deviation.
+    gain : GradientNoise
     """
     n, side, _ = f.shape
     steps = np.arange(side)
@@ -88,56 +119,44 @@ def normal_equations(
     dy = np.broadcast_to((offset[:, 1, None] + steps)[:, :, None], f.shape)
     flat = f.reshape(n, -1)
     energy = np.einsum("ni,ni->n", flat, flat)
-    j, k = _jacobian(smooth, dx, dy), _jacobian(exact, dx, dy)
+    j = _jacobian(smooth, dx, dy)
     mean_jacobian = j.mean(axis=2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        value_jacobian = np.einsum("nki,ni->nk", j, flat) / energy[:, None]
-        k_mean = k.mean(axis=2)
-        k_value = np.einsum("nki,ni->nk", k, flat) / energy[:, None]
-        size = side * side
+    good = np.isfinite(energy) & (energy > (_SMALLEST_CONTRAST * side * mean) ** 2)
+    over = np.where(good, energy, 1.0)
+    value_jacobian = (j @ flat[:, :, None])[:, :, 0] / over[:, None]
+    square = (
+        j @ j.transpose(0, 2, 1)
+        - side**2 * mean_jacobian[:, :, None] * mean_jacobian[:, None, :]
+        - over[:, None, None] * value_jacobian[:, :, None] * value_jacobian[:, None, :]
+    )
+    good &= np.isfinite(square).all(axis=(1, 2))
+    _set_aside(good, square)
+    good &= (_diagonal(square) > 0.0).all(axis=1)
+    _set_aside(good, square)
 
-        def projected(left: NDArray, mean: NDArray, value: NDArray) -> NDArray[np.float64]:
-            return (
-                j @ left.transpose(0, 2, 1)
-                - size * mean_jacobian[:, :, None] * mean[:, None, :]
-                - energy[:, None, None] * value_jacobian[:, :, None] * value[:, None, :]
-            )
-
-        square = projected(j, mean_jacobian, value_jacobian)
-        mixed = projected(k, k_mean, k_value)
-    mixed = 0.5 * (mixed + mixed.transpose(0, 2, 1))
-    good = np.isfinite(square).all(axis=(1, 2)) & np.isfinite(mixed).all(axis=(1, 2))
-    good &= np.isfinite(energy) & (energy > 0.0)
-    # What a gradient of pure noise would make of M.
-    unit = np.ones_like(dx)
-    zero = np.zeros_like(dx)
+    unit, zero = np.ones(f.shape), np.zeros(f.shape)
     of_x, of_y = _jacobian((unit, zero), dx, dy), _jacobian((zero, unit), dx, dy)
     pure = of_x @ of_x.transpose(0, 2, 1) + of_y @ of_y.transpose(0, 2, 1)
-    diagonal = np.where(good, np.einsum("nii->ni", mixed).min(axis=1), 1.0)
-    good &= diagonal > 0.0
-    mixed[~good], square[~good] = np.eye(12), np.eye(12)
-    share = (
-        (mixed_noise * noise**2)[:, None] * np.einsum("nii->ni", pure) / np.einsum("nii->ni", mixed)
+    share = gain.smooth * np.square(np.where(good, noise, 0.0))[:, None] * _diagonal(pure)
+    share = (share / _diagonal(square)).max(axis=1)
+    taken = np.where(good, noise, 0.0) ** 2 / np.maximum(share / _MOST_NOISE, 1.0)
+    m = square - (gain.smooth * taken)[:, None, None] * pure
+    # The trace of the part for the position says by how much smoothing weakened the gradient.
+    product = sum(np.einsum("nji,nji->n", s, e) for s, e in zip(smooth, exact, strict=True))
+    power = sum(np.einsum("nji,nji->n", s, s) for s in smooth)
+    weakened = (product - 2.0 * side**2 * gain.mixed * taken) / np.where(
+        good, power - 2.0 * side**2 * gain.smooth * taken, 1.0
     )
-    taken = np.where(
-        good,
-        np.minimum(noise**2, noise**2 * _MOST_NOISE / np.maximum(share.max(axis=1), _MOST_NOISE)),
-        0.0,
-    )
-    mixed = mixed - (mixed_noise * taken)[:, None, None] * pure
-    sq = square - (smooth_noise * taken)[:, None, None] * pure
-    eta = np.einsum("nii->ni", mixed)[:, :2].sum(1) / np.einsum("nii->ni", sq)[:, :2].sum(1)
-    mixed = eta[:, None, None] * sq
-    scale = np.sqrt(np.einsum("nii->ni", mixed))
-    scaled = mixed / (scale[:, :, None] * scale[:, None, :])
-    good &= np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR
-    mixed[~good], square[~good] = np.eye(12), np.eye(12)
+    good &= weakened > 0.0
+    m *= np.where(good, weakened, 1.0)[:, None, None]
+    _set_aside(good, m, square)
+    scale = np.sqrt(np.maximum(_diagonal(m), 1e-300))
+    good &= np.linalg.eigvalsh(m / (scale[:, :, None] * scale[:, None, :]))[:, 0] > _SINGULAR
+    _set_aside(good, m, square)
 
-    inverse = [np.linalg.inv(mixed[:, :m, :m]) for m in (2, 6, 12)]
-    spread = [
-        a @ square[:, :m, :m] @ a.transpose(0, 2, 1)
-        for a, m in zip(inverse, (2, 6, 12), strict=True)
-    ]
+    sizes = (2, 6, 12)
+    inverse = [np.linalg.inv(m[:, :k, :k]) for k in sizes]
+    spread = [a @ square[:, :k, :k] @ a for a, k in zip(inverse, sizes, strict=True)]
     return Normal(
         good=good,
         energy=energy,
@@ -150,7 +169,7 @@ def normal_equations(
         to_quadratic=inverse[2],
         weight_a=np.linalg.inv(spread[1][:, 2:, 2:]),
         weight_q=np.linalg.inv(spread[2][:, 6:, 6:]),
-        pull_a=inverse[0] @ mixed[:, :2, 2:6],
-        pull_q=inverse[1] @ mixed[:, :6, 6:],
-        variance=np.stack([np.einsum("nii->ni", v)[:, :2] for v in spread], axis=1),
+        pull_a=inverse[0] @ m[:, :2, 2:6],
+        pull_q=inverse[1] @ m[:, :6, 6:],
+        variance=np.stack([_diagonal(v)[:, :2] for v in spread], axis=1),
     )
