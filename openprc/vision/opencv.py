@@ -64,8 +64,8 @@ def wheels() -> tuple[str, ...]:
     More than one is a defect of the environment: they write the same files, and what is
     imported is a mixture of them.
     """
-    found = {d.metadata["Name"] or "" for d in distributions()}
-    return tuple(sorted(name for name in found if name.lower().startswith("opencv-")))
+    found = {(d.metadata["Name"] or "").lower().replace("_", "-") for d in distributions()}
+    return tuple(sorted(name for name in found if name.startswith("opencv-")))
 
 
 def conflict_note() -> str | None:

@@ -142,7 +142,9 @@ def test_tasks_are_made_without_arguments(registry):
 def test_extensions_are_checks_of_one_argument(registry):
     for item in registry.records("openprc_extensions"):
         assert len(parameters(registry.load(item))) == 1, item.qualified_name
-        assert item.spec.name == item.distribution
+        # The package's own tracker writes under a name of its own, as a plugin would.
+        own = item.distribution == "openprc" and item.spec.name.startswith("openprc-")
+        assert own or item.spec.name == item.distribution
 
 
 def test_hints_of_names_do_not_collide_with_options(registry):

@@ -118,9 +118,11 @@ def test_an_unknown_name_mentions_what_was_left_out(make_entry):
         registry.producer("nothing")
 
 
-def test_an_empty_hook_says_that_nothing_is_registered():
+def test_an_empty_hook_says_that_nothing_is_registered(monkeypatch):
+    registry = Registry([])
+    monkeypatch.setattr(registry, "records", lambda hook: ())
     with pytest.raises(UnknownName, match="no extension named 'mine'") as caught:
-        Registry([]).find("openprc_extensions", "mine")
+        registry.find("openprc_extensions", "mine")
     assert caught.value.expected == "one of none: nothing is registered"
 
 

@@ -150,7 +150,7 @@ def test_scale_bar_origin_and_up():
 
 def test_scale_bar_sigma_is_that_of_many_bars():
     rng = np.random.default_rng(4)
-    ends = rng.normal(0.0, 0.7, (20_000, 2, 2)) + [[10.0, 20.0], [90.0, 80.0]]
+    ends = np.array([[10.0, 20.0], [90.0, 80.0]]) + rng.normal(0.0, 0.7, (20_000, 2, 2))
     lengths = rng.normal(50.0, 0.3, 20_000)
     scales = lengths / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     bar = vision.ScaleBar((10, 20), (90, 80), 50.0, "mm", sigma_px=0.7, sigma_length=0.3)

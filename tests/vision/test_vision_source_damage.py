@@ -63,12 +63,12 @@ def test_file_that_was_cut_off(clips, name):
 
 
 def test_mp4_that_was_cut_off_has_lost_its_index(clips):
-    with pytest.raises(VideoError, match="'moov'.*is missing, as after an interrupted recording"):
+    with pytest.raises(VideoError, match=r"'moov'.*is missing, as after an interrupted recording"):
         VideoSource(cut_off(clips["v.mp4"], 0.6))
 
 
 def test_mp4_whose_index_is_cut_off(clips):
-    with pytest.raises(VideoError, match="'moov'.*is cut off(.|\n)*copy it again"):
+    with pytest.raises(VideoError, match=r"'moov'.*is cut off(.|\n)*copy it again"):
         VideoSource(cut_off(clips["v.mp4"], 0.995))
 
 
@@ -114,14 +114,16 @@ def test_index_of_an_avi_file_tells_which_frames_are_lost(clips):
     assert "index of the file lists" in " ".join(source.notes)
     (drop,) = axis.dropped
     assert 3 <= drop.missing <= 12
-    with pytest.raises(VideoError, match="frames that are destroyed"):
+    with pytest.raises(VideoError, match="destroyed frame"):
         list(VideoSource(path, strict=True))
 
 
 def test_decoder_that_stops_at_damage_is_made_to_go_on(clips):
     data = bytearray(clips["m.avi"].read_bytes())
     # The picture of one frame, behind the head of its chunk.
-    at = int(np.array([m for m in range(len(data)) if data[m : m + 4] == b"00dc"])[30])
+    at = data.index(b"movi")
+    for _ in range(31):
+        at = data.index(b"00dc", at + 1)
     size = int.from_bytes(data[at + 4 : at + 8], "little")
     data[at + 8 : at + 8 + size] = bytes(size)
     path = clips["m.avi"].with_name("spoilt.avi")
@@ -133,12 +135,62 @@ def test_decoder_that_stops_at_damage_is_made_to_go_on(clips):
     assert "made to go on" in " ".join(source.notes)
 
 
+@pytest.mark.parametrize("shape", [(48, 64), (128, 160)])
+def test_size_that_changes_in_the_middle(clips, shape):
+    path = with_another_size(clips["m.avi"], shape, count=5)
+    said = f"from 128 x 96 to {shape[1]} x {shape[0]} px at about frame 40"
+    with pytest.raises(VideoError, match=said):
+        list(VideoSource(path))
+    assert read_bar_code(VideoSource(path).read_frame(39)) == 39
+
+
+def test_one_picture_of_another_size_is_damage(clips):
+    path = with_another_size(clips["m.avi"], (48, 64), count=1)
+    source, _, numbers = follow(path)
+    assert len(numbers) == COUNT
+    assert "1 picture of another size" in " ".join(source.notes)
+    with pytest.raises(VideoError, match="another size"):
+        list(VideoSource(path, strict=True))
+
+
+def with_another_size(path, shape, *, count):
+    """Return a copy of a Motion JPEG file whose frames from 40 on have another size."""
+    _, picture = cv2.imencode(".jpg", np.full((*shape, 3), 90, np.uint8))
+    data = bytearray(path.read_bytes())
+    at = data.index(b"movi")
+    for _ in range(40):
+        at = data.index(b"00dc", at + 1)
+    for _ in range(count):
+        at = data.index(b"00dc", at + 1)
+        size = int.from_bytes(data[at + 4 : at + 8], "little")
+        assert len(picture) <= size
+        data[at + 8 : at + 8 + size] = picture.tobytes().ljust(size, b"\0")
+    other = path.with_name("two_sizes.avi")
+    other.write_bytes(data)
+    return other
+
+
+def test_first_frames_that_cannot_be_decoded(clips):
+    data = bytearray(clips["m.avi"].read_bytes())
+    at = data.index(b"movi")
+    for _ in range(3):
+        at = data.index(b"00dc", at + 1)
+        size = int.from_bytes(data[at + 4 : at + 8], "little")
+        data[at + 8 : at + 8 + size] = bytes(size)
+    path = clips["m.avi"].with_name("late.avi")
+    path.write_bytes(data)
+    source, axis, numbers = follow(path)
+    assert numbers.tolist() == list(range(3, COUNT))
+    np.testing.assert_allclose(axis.times, np.arange(COUNT - 3) / 30, rtol=0, atol=1e-9)
+    assert "delivered 57" in " ".join(source.notes)
+
+
 def test_frame_that_the_codec_repeats_is_a_duplicate(tmp_path):
     path = write_clip(tmp_path / "frozen.avi", numbers=[0, 1, 2, 2, 2, 3, 4])
-    source, axis, _ = follow(path)
+    _, axis, _ = follow(path)
     assert axis.duplicated == (3, 4)
-    assert "2 frames equal the one before" in " ".join(axis.notes)
-    with pytest.raises(VideoError, match="equal the one before"):
+    assert "2 frames equal to the one before" in " ".join(axis.notes)
+    with pytest.raises(VideoError, match="equal to the one before"):
         follow(path, strict=True)
 
 

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from video_clips import FPS, SHAPE, image, patched, read_bar_code, write_clip
+from video_clips import FPS, SHAPE, image, read_bar_code, write_clip
 
 from openprc.errors import ConfigError, UnreadableFile, VideoError
 from openprc.vision import VideoSource
@@ -152,7 +152,7 @@ def test_missing_file(tmp_path):
 
 
 def test_directory_without_images(tmp_path):
-    with pytest.raises(UnreadableFile, match="no image(.|\n)*not by its folder"):
+    with pytest.raises(UnreadableFile, match=r"no image(.|\n)*not by its folder"):
         VideoSource(tmp_path)
 
 
@@ -189,7 +189,7 @@ def test_av1_that_is_not_decoded_names_the_wheel(clip, monkeypatch):
 
     monkeypatch.setattr(VideoFile, "images", lambda self, *, start=0: (_ for _ in ()))
     monkeypatch.setattr("openprc.vision.source.video_file.fourcc", lambda code: "AV01")
-    with pytest.raises(VideoError, match="AV01(.|\n)*4.14 decodes AV1"):
+    with pytest.raises(VideoError, match=r"AV01(.|\n)*4.14 decodes AV1"):
         VideoSource(clip)
 
 
@@ -234,7 +234,7 @@ def test_neither_rate_nor_stamps_is_refused_on_opening(clip, monkeypatch):
             yield picture, np.nan
 
     monkeypatch.setattr(VideoFile, "images", without_stamps)
-    with pytest.raises(ConfigError, match="no time stamps(.|\n)*option fps"):
+    with pytest.raises(ConfigError, match=r"no time stamps(.|\n)*option fps"):
         VideoSource(clip)
     axis = axis_of(VideoSource(clip, fps=50.0))
     np.testing.assert_allclose(axis.times, np.arange(20) / 50)

@@ -26,7 +26,7 @@ def write(path, *, calibration=None, with_trajectories=True):
     with h5py.File(path, "w") as file:
         group = file.create_group("vision/source")
         group.attrs.update(
-            {"source_type": "file", "path": "/home/lab/fold.mp4", "fps": 25.0, "width": 640,
+            {"source_type": "file", "path": "C:/lab/fold.mp4", "fps": 25.0, "width": 640,
              "height": 480, "frame_count": T, "content_hash": "ab" * 32}
         )  # fmt: skip
         group = file.create_group("vision/feature_map")
@@ -99,7 +99,7 @@ def test_outline_of_an_older_file(tmp_path):
     found = vision.info(write(tmp_path / "old.h5"))
     assert found["version"] == "older tracker"
     assert not found["simulation"]
-    assert found["source"]["path"] == "/home/lab/fold.mp4"
+    assert found["source"]["path"] == "C:/lab/fold.mp4"
     assert found["tracking_result_shape"] == [T, N, 2]
 
 

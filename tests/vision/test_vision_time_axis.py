@@ -103,7 +103,7 @@ def test_stamps_that_are_missing_at_the_end_are_counted_on():
     stamps[119] = 0.0
     found = axis(stamps)
     np.testing.assert_allclose(found.times, np.arange(120) / 30, rtol=0, atol=1e-12)
-    assert "1 of 120 frames have no time stamp" in found.notes[0]
+    assert "1 frame without a time stamp" in found.notes[0]
 
 
 def test_stamps_that_are_missing_in_the_middle_and_at_the_start():
@@ -111,7 +111,7 @@ def test_stamps_that_are_missing_in_the_middle_and_at_the_start():
     stamps[[0, 1, 20]] = np.nan
     found = axis(stamps, 25.0)
     np.testing.assert_allclose(found.times, np.arange(50) / 25, rtol=0, atol=1e-12)
-    assert "3 of 50" in found.notes[0]
+    assert "3 frames without" in found.notes[0]
 
 
 @pytest.mark.parametrize("stamps", [np.full(20, np.nan), np.zeros(20)], ids=["nan", "zero"])
@@ -164,7 +164,7 @@ def test_counts_and_duplicates_are_reported():
     found = axis(stamps, declared_frames=14, duplicated=(3, 4))
     assert found.duplicated == (3, 4)
     assert "declares 14 frames and delivered 10" in found.notes[0]
-    assert "2 frames equal the one before" in found.notes[1]
+    assert "2 frames equal to the one before" in found.notes[1]
     for options in ({"declared_frames": 14}, {"duplicated": (3,)}):
         with pytest.raises(VideoError, match="strict"):
             axis(stamps, strict=True, **options)
@@ -174,6 +174,22 @@ def test_counts_and_duplicates_are_reported():
 @pytest.mark.parametrize("declared", [0, -9223372036854775808])
 def test_count_that_says_nothing_is_no_fault(declared):
     assert axis(np.arange(10) / 30, declared_frames=declared, strict=True).notes == ()
+
+
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+def test_times_since_1970(start):
+    places = np.delete(np.arange(200), [50])
+    found = axis(start + places / 120, 120.0)
+    np.testing.assert_allclose(found.times, places / 120, rtol=0, atol=1e-9)
+    assert [drop.after for drop in found.dropped] == [49]
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("declared", [25.0, np.nan])
+def test_few_frames(count, declared):
+    found = axis(np.arange(count) / 25, declared)
+    np.testing.assert_allclose(found.times, np.arange(count) / 25, rtol=0, atol=1e-12)
+    assert found.uniform
 
 
 def test_one_frame():

@@ -137,7 +137,7 @@ class CameraCalibration(Calibration):
                     "front of the camera",
                 )
         return cls(
-            matrix=np.asarray(K, np.float64),
+            matrix=K,  # type: ignore[arg-type]
             dist=dist,  # type: ignore[arg-type]
             frame_shape=frame_shape,
             scale_factor=scale_factor,

@@ -140,7 +140,7 @@ def valid_radius(dist: Array) -> float:
     # d(r N/D)/dr = [N D + 2 u (N' D - N D')] / D^2 with u = r^2
     turning = top * bottom + 2.0 * u * (top.deriv() * bottom - top * bottom.deriv())
     radii = [np.inf]
-    for polynomial in (turning.trim(), bottom.trim()):
+    for polynomial in (turning.trim(1e-12), bottom.trim(1e-12)):
         roots = polynomial.roots() if polynomial.degree() > 0 else np.zeros(0)
         real = roots.real[(np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))) & (roots.real > 0.0)]
         radii.extend(np.sqrt(real))

@@ -221,7 +221,7 @@ def finite(value: Any, *, key: str, above: float | None = None) -> float:
         number = np.nan
     if not np.isfinite(number) or (above is not None and number <= above):
         raise CalibrationError(
-            f"{key} is {value!r}",
+            f"{key} is {value}",
             expected="a finite number" + ("" if above is None else f" above {above:g}"),
             fix="check the value and its unit",
             key=key,

@@ -30,6 +30,10 @@ REASONS = (
 _APART, _RIVAL = 5.0, 0.05
 _LEAST_ZNCC, _REFINED_ZNCC, _LARGEST_ERROR = 0.6, 0.8, 1.5
 _LONGEST = 4000
+# A small window finds candidates, and tangents of the surface's slope are tried at each of them.
+_SMALL, _CANDIDATES, _TILTS = 13, 8, (-0.6, -0.3, 0.0, 0.3, 0.6)
+_STEP = 0.5
+_AROUND = np.array([[0, 0], [_STEP, 0], [-_STEP, 0], [0, _STEP], [0, -_STEP]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +83,8 @@ def match(
     """Find points of the left picture in the right one.
 
     For each point a small patch that faces both cameras is moved along its line of sight (plane
-    sweep; Collins 1996, doi:10.1109/CVPR.1996.517097), and where the two pictures of it correlate
-    best the place is refined with an affine warp. A point is kept when it is unique and lies on
+    sweep; Collins 1996, doi:10.1109/CVPR.1996.517097); where the two pictures of it correlate,
+    larger ones at several tilts are compared, and the best is refined with an affine warp. A point is kept when it is unique and lies on
     its epipolar line.
 
     Parameters
@@ -177,76 +181,126 @@ def _sweep(
 ) -> tuple[int, float, Array]:  # fmt: skip
     """Reason, correlation and warp (px, py, a, b, c, d) of the best place."""
     none = np.full(6, np.nan)
-    half = subset // 2
-    height, width = pictures[0].shape
-    corner = np.rint(point) - half if np.isfinite(point).all() else np.array([-1.0, -1.0])
-    if (corner < 0).any() or (corner + subset > (width, height)).any():
+    template = _window(pictures[0], point, subset)
+    if template is None:
         return 1, np.nan, none
-    x, y = corner.astype(int)
-    window = pictures[0][y : y + subset, x : x + subset].astype(np.float64).ravel()
-    window = window - window.mean()
-    energy = window @ window
-    if energy < subset**2:  # less than one grey level rms
+    if template[1] @ template[1] < subset**2:  # less than one grey level rms
         return 2, np.nan, none
-    centres, slopes = _curve(rig, point, depths)
-    right_height, right_width = pictures[1].shape
-    inside = (
-        np.isfinite(centres).all(axis=1)
-        & (centres >= half).all(axis=1)
-        & (centres <= (right_width - 1 - half, right_height - 1 - half)).all(axis=1)
+    rays = np.column_stack([rig.left.to_normalized(point + _AROUND), np.ones(5)])
+    centre = rays[0] * _depth_steps(rig, rays[0], depths)[:, np.newaxis]
+    facing = _facing(rig, centre)
+    places, slopes = _seen(rig, rays, centre, facing)
+    half = subset // 2
+    height, width = pictures[1].shape
+    inside = (places >= half).all(axis=1) & (places <= (width - 1 - half, height - 1 - half)).all(
+        axis=1
     )
-    centres, slopes = centres[inside], slopes[inside]
-    if not len(centres):
+    if not inside.any():
         return 1, np.nan, none
-    offset = np.stack(np.meshgrid(np.arange(subset), np.arange(subset)), -1).reshape(-1, 2)
-    local = offset + corner - point
-    maps = centres[:, np.newaxis] + np.einsum("mij,pj->mpi", slopes, local)
+    centre, facing, places, slopes = (values[inside] for values in (centre, facing, places, slopes))
+    # Over a small window the tilt of the surface hardly shows.
+    small = _window(pictures[0], point, min(subset, _SMALL))
+    scores = _scores(pictures[1], small, places, slopes)  # type: ignore[arg-type]
+    peaks = _peaks(scores, places)
+    # At each peak, the whole window at several tilts.
+    tilts = np.array([(a, b) for a in _TILTS for b in _TILTS])
+    best_score, best_warp, best_place, rival = -1.0, none, np.zeros(2), -1.0
+    ranked = []
+    for peak in peaks:
+        normal = facing[peak] / np.linalg.norm(facing[peak])
+        u = np.cross(normal, [0.0, 1.0, 0.0])
+        u /= np.linalg.norm(u)
+        tilted = normal + tilts @ np.stack([u, np.cross(normal, u)])
+        at, slope = _seen(rig, rays, np.repeat(centre[peak : peak + 1], len(tilts), 0), tilted)
+        values = _scores(pictures[1], template, at, slope)
+        i = int(np.argmax(values))
+        ranked.append((float(values[i]), at[i], slope[i]))
+    for score, at, slope in ranked:
+        if score > best_score:
+            best_score, best_place = score, at
+            best_warp = np.concatenate([at, (slope - np.eye(2)).ravel()])
+    if best_score < _LEAST_ZNCC:
+        return 3, best_score, none
+    for score, at, _ in ranked:
+        if np.hypot(*(at - best_place)) > _APART:
+            rival = max(rival, score)
+    if rival > best_score - _RIVAL:
+        return 4, best_score, none
+    return 0, best_score, best_warp
+
+
+def _window(picture: NDArray[np.uint8], point: Array, side: int) -> tuple[Array, Array] | None:
+    """Places of the pixels around a point, from the point, and their values without the mean."""
+    if not np.isfinite(point).all():
+        return None
+    corner = np.rint(point) - side // 2
+    if (corner < 0).any() or (corner + side > picture.shape[::-1]).any():
+        return None
+    x, y = corner.astype(int)
+    values = picture[y : y + side, x : x + side].astype(np.float64).ravel()
+    offset = np.stack(np.meshgrid(np.arange(side), np.arange(side)), -1).reshape(-1, 2)
+    return offset + corner - point, values - values.mean()
+
+
+def _depth_steps(rig: StereoRig, ray: Array, depths: tuple[float, float]) -> Array:
+    """Depths whose images in the right picture are half a pixel apart."""
+    near, far = depths
+    ends = rig.right.project(
+        ray * np.linspace(near, far, 32)[:, np.newaxis] @ rig.rotation.T + rig.translation
+    )
+    length = np.nansum(np.hypot(*np.diff(ends, axis=0).T))
+    # Even steps in 1/z are nearly even steps in the picture.
+    return 1.0 / np.linspace(1.0 / near, 1.0 / far, int(np.clip(2.0 * length, 8, _LONGEST)))
+
+
+def _facing(rig: StereoRig, centre: Array) -> Array:
+    """Normals half-way between the directions to the two cameras, (m, 3)."""
+    other = centre + rig.rotation.T @ rig.translation
+    normal: Array = centre / np.linalg.norm(centre, axis=1)[:, np.newaxis]
+    return normal + other / np.linalg.norm(other, axis=1)[:, np.newaxis]
+
+
+def _seen(rig: StereoRig, rays: Array, centre: Array, normal: Array) -> tuple[Array, Array]:
+    """Where patches through `centre` across `normal` are in the right picture, and their warps."""
+    reach = np.sum(normal * centre, axis=1)
+    patch = rays[:, np.newaxis] * (reach / (rays @ normal.T))[..., np.newaxis]
+    seen = rig.right.project(patch @ rig.rotation.T + rig.translation)
+    slopes = np.stack([seen[1] - seen[2], seen[3] - seen[4]], -1) / (2.0 * _STEP)
+    return seen[0], slopes
+
+
+def _scores(
+    picture: NDArray[np.uint8], window: tuple[Array, Array], places: Array, slopes: Array
+) -> Array:
+    """Zero-normalised cross-correlation of a window with warped ones, (m,)."""
     cv2 = load_cv2()
-    scores = np.empty(len(centres))
-    for first in range(0, len(centres), 256):
-        block = maps[first : first + 256].astype(np.float32)
-        # Too long rows or columns are refused by remap: 256 rows of subset^2 columns are not.
+    local, values = window
+    energy = values @ values
+    scores = np.zeros(len(places))
+    # Blocks: bounds the memory, and remap takes no more than 32767 rows.
+    for first in range(0, len(places), 256):
+        block = slice(first, first + 256)
+        maps = places[block, np.newaxis] + np.einsum("mij,pj->mpi", slopes[block], local)
+        maps = np.nan_to_num(maps, nan=-1e3).astype(np.float32)
         seen = cv2.remap(
-            pictures[1], block[..., 0], block[..., 1], cv2.INTER_LINEAR,
+            picture, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         ).astype(np.float64)  # fmt: skip
         seen -= seen.mean(axis=1, keepdims=True)
         norm = np.sqrt(energy * np.sum(seen**2, axis=1))
-        scores[first : first + 256] = np.divide(
-            seen @ window, norm, out=np.zeros(len(seen)), where=norm > 0.0
-        )
-    best = int(np.argmax(scores))
-    if scores[best] < _LEAST_ZNCC:
-        return 3, float(scores[best]), none
-    apart = np.hypot(*(centres - centres[best]).T) > _APART
-    if apart.any() and scores[apart].max() > scores[best] - _RIVAL:
-        return 4, float(scores[best]), none
-    warp = np.concatenate([centres[best], (slopes[best] - np.eye(2)).ravel()])
-    return 0, float(scores[best]), warp
+        np.divide(seen @ values, norm, out=scores[block], where=norm > 0.0)
+    return scores
 
 
-def _curve(rig: StereoRig, point: Array, depths: tuple[float, float]) -> tuple[Array, Array]:
-    """Places in the right picture and the local affine maps to there, a pixel or less apart."""
-    near, far = depths
-    step = 0.5
-    around = point + np.array([[0, 0], [step, 0], [-step, 0], [0, step], [0, -step]])
-    rays = np.column_stack([rig.left.to_normalized(around), np.ones(5)])
-    ends = rig.right.project(
-        rays[0] * np.linspace(near, far, 32)[:, np.newaxis] @ rig.rotation.T + rig.translation
-    )
-    length = np.nansum(np.hypot(*np.diff(ends, axis=0).T))
-    count = int(np.clip(2.0 * length, 8, _LONGEST))
-    # Even steps in 1/z are nearly even steps in the picture.
-    z = 1.0 / np.linspace(1.0 / near, 1.0 / far, count)
-    centre = rays[0] * z[:, np.newaxis]
-    # The patch faces half-way between the two cameras.
-    other = -rig.rotation.T @ rig.translation
-    view = centre / np.linalg.norm(centre, axis=1)[:, np.newaxis]
-    from_other = centre - other
-    normal = view + from_other / np.linalg.norm(from_other, axis=1)[:, np.newaxis]
-    reach = np.sum(normal * centre, axis=1)
-    along = rays @ normal.T
-    patch = rays[:, np.newaxis] * (reach / along)[..., np.newaxis]
-    seen = rig.right.project(patch @ rig.rotation.T + rig.translation)
-    slopes = np.stack([seen[1] - seen[2], seen[3] - seen[4]], -1) / (2.0 * step)
-    return seen[0], slopes
+def _peaks(scores: Array, places: Array) -> list[int]:
+    """The highest local maxima, at least two pixels apart."""
+    left = np.concatenate([[-2.0], scores[:-1]])
+    right = np.concatenate([scores[1:], [-2.0]])
+    order = np.flatnonzero((scores >= left) & (scores >= right))
+    kept: list[int] = []
+    for i in order[np.argsort(-scores[order])]:
+        if all(np.hypot(*(places[i] - places[k])) > 2.0 for k in kept):
+            kept.append(int(i))
+        if len(kept) == _CANDIDATES:
+            break
+    return kept

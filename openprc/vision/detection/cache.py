@@ -72,8 +72,8 @@ class FeatureMapCache:
         detector = get_detector(method, **settings)
         kind = identity(method)
         if kind is None:
-            made = detect(grey, method, mask=allowed, ref_frame_index=ref_frame_index, **settings)
-            return replace(made, notes=(*told, *made.notes))
+            anew = detect(grey, method, mask=allowed, ref_frame_index=ref_frame_index, **settings)
+            return replace(anew, notes=(*told, *anew.notes))
         key = {
             "recording": self._recording(),
             "frame": int(ref_frame_index),
@@ -88,11 +88,10 @@ class FeatureMapCache:
         name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:32]
         files = [CacheFile(path) for path in self._paths()]
         made = self._memory.get(name)
-        for file in files if made is None else []:
-            made = file.read(name)
-            self._tell(*file.notes)
-            if made is not None:
-                break
+        for file in files:
+            if made is None:
+                made = file.read(name)
+                self._tell(*file.notes)
         if made is None:
             made = detect(grey, method, mask=allowed, ref_frame_index=ref_frame_index, **settings)
             made = replace(made, notes=(*told, *made.notes))

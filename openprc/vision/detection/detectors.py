@@ -49,7 +49,7 @@ class OpenCVDetector:
         order = sorted(
             range(len(found)), key=lambda i: (-found[i].response, found[i].pt, found[i].angle)
         )
-        points = np.array([found[i].pt for i in order], np.float64).reshape(-1, 2)
+        points = self._places([found[i] for i in order], small.shape)
         # The centre of a pixel of the small image lies amid the pixels that it was made of.
         points = (points + 0.5) * scale - 0.5
         np.clip(points, 0.0, [image.shape[1] - 1.0, image.shape[0] - 1.0], out=points)
@@ -81,6 +81,10 @@ class OpenCVDetector:
         """Return OpenCV's keypoints and the descriptors."""
         return self._create().detectAndCompute(image, mask)
 
+    def _places(self, found: list[Any], shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return where OpenCV's keypoints lie, (N, 2) [px]."""
+        return np.array([keypoint.pt for keypoint in found], np.float64).reshape(-1, 2)
+
     def _create(self) -> Any:
         raise NotImplementedError
 
@@ -97,6 +101,8 @@ class Sift(OpenCVDetector):
     contrast_threshold, edge_threshold : float
         A lower contrast_threshold, or a higher edge_threshold, finds more.
     sigma : float [px]
+    precise_upscale : bool
+        Without it, as OpenCV has it by default, all keypoints lie 1/4 px too far right and down.
     downscale : int
         1 for the full image, 2 for half its size and so on; 0: 2 above 5 million pixels, 1 below.
     """
@@ -108,6 +114,7 @@ class Sift(OpenCVDetector):
     contrast_threshold: float = 0.04
     edge_threshold: float = 10.0
     sigma: float = 1.6
+    precise_upscale: bool = True
     downscale: int = 0
 
     def _create(self) -> Any:
@@ -117,6 +124,7 @@ class Sift(OpenCVDetector):
             contrastThreshold=self.contrast_threshold,
             edgeThreshold=self.edge_threshold,
             sigma=self.sigma,
+            enable_precise_upscale=self.precise_upscale,
         )
 
 
@@ -145,6 +153,15 @@ class Orb(OpenCVDetector):
     patch_size: int = 31
     fast_threshold: int = 20
     wta_k: int = 2
+
+    def _places(self, found: list[Any], shape: tuple[int, ...]) -> NDArray[np.float64]:
+        # OpenCV multiplies pixel numbers of the small images by their nominal scale: it forgets
+        # that the sizes are rounded, and that pixel 0 of a small image lies amid several.
+        size = np.array([shape[1], shape[0]], np.float64)
+        level = np.array([keypoint.octave for keypoint in found], np.float64) - self.first_level
+        nominal = (self.scale_factor**level)[:, None]
+        real = size / np.maximum(np.rint(size / nominal), 1.0)
+        return (super()._places(found, shape) / nominal + 0.5) * real - 0.5
 
     def _create(self) -> Any:
         return load_cv2().ORB_create(

@@ -212,6 +212,16 @@ class FeatureMap:
                     key="mask",
                 )
             index = np.flatnonzero(index)
+        elif index.size == 0:
+            index = np.zeros(0, np.intp)
+        whole = index.ndim == 1 and index.dtype.kind in "iu"
+        if not whole or (index.size and not -len(self) <= index.min() <= index.max() < len(self)):
+            raise ConfigError(
+                f"{index.size} indices of the type {index.dtype} were given",
+                expected=f"whole numbers below {len(self)}, or one True or False a feature",
+                fix="choose from this feature map",
+                key="chosen",
+            )
         rows = {
             name: value[index] for name in PER_FEATURE if (value := getattr(self, name)) is not None
         }
@@ -299,14 +309,9 @@ class FeatureMap:
 
     def filter_by_mask(self, mask: ArrayLike) -> FeatureMap:
         """Return the features at whose nearest pixel the mask (H, W) is not 0."""
-        allowed = np.asarray(mask)
-        if allowed.shape != self.frame_shape:
-            raise ConfigError(
-                f"a mask of shape {allowed.shape}",
-                expected=f"{self.frame_shape}, as the frame",
-                fix="draw the mask over a frame of this video",
-                key="mask",
-            )
+        from openprc.vision.detection.images import mask_image  # noqa: PLC0415 - light
+
+        allowed = mask_image(mask, self.frame_shape)
         x, y = np.rint(self.keypoints).astype(np.intp).T
         return self.select(allowed[y, x] != 0)
 

@@ -90,7 +90,7 @@ def get_detector(name: str, **settings: Any) -> Any:
         item = default_registry().find(_HOOK, known)
         return _made(known, resolve(item, item.spec.load), settings)
     names = (*detector_names(), *ALIASES)
-    near = difflib.get_close_matches(name, names, n=1)
+    near = difflib.get_close_matches(str(name).lower().replace("_", "-"), names, n=1)
     raise UnknownName(
         f"there is no detector {name!r}",
         expected="one of " + ", ".join(names),

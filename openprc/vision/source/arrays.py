@@ -59,7 +59,7 @@ class ArraySource(VideoSource):
     fps : float [Hz], optional
     times : (T,) [s], optional
         Either this or `fps` is required.
-    value_range, strict
+    strict, value_range, bayer
         As for `VideoSource`.
     name : str
         For messages and provenance.
@@ -80,6 +80,7 @@ class ArraySource(VideoSource):
         times: ArrayLike | None = None,
         strict: bool = False,
         value_range: tuple[float, float] | None = None,
+        bayer: str | None = None,
         name: str = "array",
     ) -> None:
         check_rate(fps)
@@ -102,6 +103,7 @@ class ArraySource(VideoSource):
             fps=fps,
             strict=strict,
             value_range=value_range,
+            bayer=bayer,
         )
 
 

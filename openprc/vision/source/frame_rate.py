@@ -49,11 +49,18 @@ def plausible_rate(fps: float) -> float | None:
 
 def resolution(stamps: NDArray[np.float64]) -> float:
     """Return the coarsest of the usual units that all stamps are multiples of [s]."""
+    last_place = _last_place(stamps)
     for unit in _UNITS:
         counts = stamps / unit
-        if bool(np.all(np.abs(counts - np.rint(counts)) < 1e-4)):
+        tolerance = 1e-4 + last_place / unit
+        if tolerance < 0.05 and bool(np.all(np.abs(counts - np.rint(counts)) < tolerance)):
             return unit
     return 1e-9
+
+
+def _last_place(stamps: NDArray[np.float64]) -> float:
+    """Return what floating point cannot tell in the stamps [s]; seconds since 1970 are large."""
+    return 4.0 * float(np.spacing(np.abs(stamps).max()))
 
 
 def fit_grid(stamps: NDArray[np.float64], declared: float | None) -> Grid | None:
@@ -100,7 +107,7 @@ def _on_grid(stamps: NDArray[np.float64], dt: float, unit: float) -> Grid | None
         places = np.rint(exact - phase)
         places -= places[0]
     off = (stamps - stamps[0]) - places * dt
-    slack = 1e-6 * dt + 1e-9
+    slack = 1e-6 * dt + 1e-9 + _last_place(stamps)
     if float(np.ptp(off)) > unit + slack or not bool(np.all(np.diff(places) > 0)):
         return None
     if np.mean(np.diff(places) == 1) < 0.5:

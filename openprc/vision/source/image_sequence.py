@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from openprc.errors import ConfigError, UnreadableFile, VideoError
 from openprc.vision.opencv import load_cv2
 from openprc.vision.source.file_numbers import order_files
-from openprc.vision.source.time_axis import count_fault
+from openprc.vision.source.time_axis import count_fault, counted
 
 #: Suffixes of image files that OpenCV reads without further libraries.
 SUFFIXES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg", ".jp2", ".pgm", ".ppm", ".webp")
@@ -78,9 +78,10 @@ class ImageSequence:
             paths, places = numbered.paths, numbered.places
             self.notes += numbered.notes
             if numbered.missing:
+                listed = ", ".join((*numbered.missing[:5], "...")[: len(numbered.missing)])
                 self.faults.append(
-                    f"{len(numbered.missing)} numbers are missing in the names of the images, the "
-                    f"first are {', '.join(numbered.missing[:5])}; the times leave room for them"
+                    f"{counted(len(numbered.missing), 'number')} missing in the names of the "
+                    f"images ({listed}); the times leave room"
                 )
         self._paths = list(paths)
         self._stamps = np.asarray(places, dtype=np.float64) / fps

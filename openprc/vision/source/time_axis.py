@@ -124,16 +124,17 @@ class TimeAxis:
         dropped = _holes(times, dt)
         if dropped:
             missing = sum(drop.missing for drop in dropped)
+            first = dropped[0]
             faults.append(
-                f"{len(dropped)} hole{'s' * (len(dropped) > 1)} in the time stamps, about "
-                f"{missing} frames; the first is {1e3 * dropped[0].seconds:.4g} ms long, after "
-                f"frame {dropped[0].after}"
+                f"{counted(len(dropped), 'hole')} in the time stamps, about "
+                f"{counted(missing, 'frame')}; the first is {1e3 * first.seconds:.4g} ms "
+                f"long, after frame {first.after}"
             )
         if len(duplicated):
             faults.append(
-                f"{len(duplicated)} frames equal the one before, pixel for pixel, the first is "
-                f"frame {duplicated[0]}: repeated by the camera, the codec or a conversion of the "
-                "rate, or nothing moved"
+                f"{counted(len(duplicated), 'frame')} equal to the one before, pixel for pixel, "
+                f"the first is frame {duplicated[0]}: repeated by the camera, the codec or a "
+                "conversion of the rate, or nothing moved"
             )
         if strict and faults:
             raise VideoError(
@@ -154,6 +155,11 @@ def check_rate(fps: float | None) -> None:
             fix="give the rate of the camera, or leave it out",
             key="fps",
         )
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things in words: 1 frame, 2 frames."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def count_fault(declared: int, decoded: int) -> list[str]:
@@ -193,7 +199,7 @@ def _times(
         unknown = int((~given).sum())
         how = f"index / {grid.rate:.6g} Hz, the constant rate of the time stamps"
         if unknown:
-            faults.append(f"{unknown} of {len(stamps)} frames have no time stamp; {how}")
+            faults.append(f"{counted(unknown, 'frame')} without a time stamp; {how}")
         if grid.rounded:
             how += f", which are rounded to {1e3 * resolution(known):.3g} ms"
         return places * grid.dt, how, grid.dt, faults

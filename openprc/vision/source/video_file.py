@@ -13,7 +13,8 @@ from openprc.errors import VideoError
 from openprc.vision.opencv import load_cv2
 from openprc.vision.source.avi_index import read_index
 from openprc.vision.source.containers import check_video, cut_index, fourcc, why_not_opened
-from openprc.vision.source.time_axis import count_fault
+from openprc.vision.source.stored_size import CODECS, LASTING, SizeWatch
+from openprc.vision.source.time_axis import count_fault, counted
 
 #: More frames than this are taken for a broken header.
 _HUGE = 2**31 - 1
@@ -62,7 +63,7 @@ class VideoFile:
         depth = _depth(pixels)
         if depth > 8 and not self._plain:
             self.notes.append(f"OpenCV reduces the {depth}-bit pixels of this video to 8 bit")
-        self.failed = 0
+        self.failed = self.odd = 0
         self._avi = read_index(path) if self.container == "AVI" else None
         if self._avi is not None and not self._avi.lost:
             self._avi = None
@@ -89,6 +90,7 @@ class VideoFile:
         capture = self._open()
         if self._plain:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+        watch = SizeWatch(self.path) if self.codec.upper() in CODECS else None
         decoded, failed, gone = 0, 0, 0
         try:
             while True:
@@ -100,6 +102,8 @@ class VideoFile:
                         self.failed = gone
                         return
                     continue
+                if watch is not None:
+                    self._check_size(watch, decoded)
                 if decoded < start:
                     decoded += 1
                     continue
@@ -113,6 +117,22 @@ class VideoFile:
                 yield image, self._placed(stamp) if stamp or decoded == 1 else np.nan
         finally:
             capture.release()
+            if watch is not None:
+                self.odd = max(self.odd, watch.odd)
+                watch.release()
+
+    def _check_size(self, watch: SizeWatch, index: int) -> None:
+        sizes = watch.changed()
+        if sizes is not None:
+            (width, height), (now_width, now_height) = sizes
+            raise VideoError(
+                f"the size changes from {width} x {height} to {now_width} x {now_height} px at "
+                f"about frame {max(0, index - LASTING + 1)}; OpenCV would scale all later frames "
+                "and not say so",
+                expected="one size in the whole clip",
+                fix="split the recording where it changes",
+                file=self.path,
+            )
 
     def _placed(self, stamp: float) -> float:
         """Return the stamp of a frame, put right where the index knows of lost frames."""
@@ -130,10 +150,13 @@ class VideoFile:
             faults.append(
                 f"{self.failed} times the decoder stopped at damage and was made to go on"
             )
+        if self.odd:
+            faults.append(f"{counted(self.odd, 'picture')} of another size than the first: damaged")
         if self._avi is not None:
+            lost = self._avi.lost
             faults.append(
-                f"the index of the file lists {len(self._avi.lost)} frames that are destroyed, the "
-                f"first is {self._avi.lost[0]}; the time stamps leave room for them"
+                f"the index of the file lists {counted(len(lost), 'destroyed frame')}, from number "
+                f"{lost[0]} on; the time stamps leave room"
             )
         return faults
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openprc.errors import ConfigError
 from openprc.vision.tracking.bspline import NOISE_LEFT, PreparedImage
 from openprc.vision.tracking.noise import estimate_noise
 from openprc.vision.tracking.refinement import Reason, Refined, RefineSettings
@@ -46,13 +47,14 @@ class _Out(NamedTuple):
     iterations: NDArray[np.int32]
 
 
-def _answer(n: int) -> _Out:
+def _nothing_found(guesses: NDArray[np.float64]) -> _Out:
+    n = len(guesses)
     return _Out(
-        np.empty((n, 6)),
-        np.empty(n),
-        np.empty((n, 2)),
-        np.empty(n, np.uint8),
-        np.empty(n, np.int32),
+        guesses.copy(),
+        np.full(n, np.nan),
+        np.full((n, 2), np.nan),
+        np.full(n, Reason.NO_TEMPLATE, np.uint8),
+        np.zeros(n, np.int32),
     )
 
 
@@ -82,35 +84,78 @@ def compose(parent_warps: NDArray[Any], warps: NDArray[Any]) -> NDArray[np.float
 
 
 class Correlator:
-    """Templates, and the search for them."""
+    """Templates, and the search for them.
+
+    A refinement looks at one template and one image only; nothing is carried over from one call
+    to the next.
+
+    With the model "auto" a window is matched by an affine warp; where the residual shows
+    curvature beyond noise, a quadratic one follows, and where six parameters are too many for
+    the noise, the deformation of the guess is kept. What is found of curvature and deformation
+    is then drawn towards zero by the factor 1 - (c s² / w)², zero below w = c s², with w their
+    significance in units of the noise s², much as the estimator of James and Stein does it
+    (doi:10.1007/978-1-4612-0919-5_30). The position follows, continuously in the data.
+
+    ``sigma`` is of the whole error of a position: half of its square comes from the noise of the
+    template, which is the same in all frames, half from that of the image. For "auto", where
+    deformation or curvature is barely significant, a bias of the order of one sigma remains.
+    """
 
     def __init__(self, settings: RefineSettings | None = None) -> None:
         self.settings = settings or RefineSettings()
         self._templates = TemplateStore(self.settings.subset)
 
     def prepare(self, intensity: NDArray[Any]) -> PreparedImage:
-        """Make an image readable between its pixels."""
+        """Make an image (H, W) [grey levels] readable between its pixels."""
         return PreparedImage(intensity)
 
     def add_templates(self, image: PreparedImage, points: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Keep the windows around points; -1 where one leaves the image or has no texture."""
+        """Keep the windows around points.
+
+        Parameters
+        ----------
+        image : PreparedImage
+        points : (n, 2) [px]
+            Anywhere between the pixels: the windows are of whole pixels, around the nearest.
+
+        Returns
+        -------
+        (n,)
+            Numbers of the templates; -1 where a window leaves the image, has pixels without a
+            value, or no texture in some direction.
+        """
         return self._templates.add(image, np.asarray(points, np.float64).reshape(-1, 2))
 
     def refine(
         self, image: PreparedImage, ids: NDArray[np.intp], warps: NDArray[np.float64]
     ) -> Refined:
-        """Find templates in an image, starting from guesses of their warps."""
+        """Find templates in an image, starting from guesses of their warps.
+
+        Parameters
+        ----------
+        image : PreparedImage
+        ids : (n,)
+            Numbers from `add_templates`; negative ones are answered with a reason.
+        warps : (n, 6)
+            px, py [px], a, b, c, d, as in `Refined`. NaN and infinity are answered with a reason.
+        """
         store, settings = self._templates, self.settings
         ids = np.ascontiguousarray(ids, np.intp).reshape(-1)
         ids = np.where(ids < store.n, ids, -1)
-        guesses = np.ascontiguousarray(warps, np.float64).reshape(-1, 6)
+        guesses = np.ascontiguousarray(warps, np.float64)
+        if guesses.shape != (len(ids), 6):
+            raise ConfigError(
+                f"guesses of shape {guesses.shape} for {len(ids)} templates",
+                expected=f"({len(ids)}, 6): px, py, a, b, c, d for each",
+                fix="give one warp for each template",
+            )
         boxes = np.empty((len(ids), 4), np.int64)
         # Half the way again, for the corners of a window that deforms on its way.
         margin = 1.5 * settings.max_shift
         search_boxes(ids, guesses, store.arrays, image.shape, margin, boxes)
         image.require(boxes)
         free = _FREE[settings.model]
-        out = _answer(len(ids))
+        out = _nothing_found(guesses)
         refine(
             image.coefficients,
             image.shape,
@@ -132,6 +177,7 @@ class Correlator:
         if store.n:
             known = np.where(ids >= 0, ids, 0)
             noise, energy = store.noise[known], store.arrays.energy[known]
+            # Noise s in both images makes 2 s² n / energy of the difference.
             gate = np.maximum(
                 settings.max_znssd, np.minimum(6.0 * noise**2 * settings.subset**2 / energy, 1.0)
             )

@@ -58,14 +58,15 @@ def _sample(c, x, y, left, top):
 
 
 @inner
-def _measure(c, warp, curved, store, t, g, sums):
+def _measure(c, warp, curved, store, t, level, g, sums):
     """Sum over a window what the normal equations need, in one pass over the image.
 
-    Single precision inside of a row, with the template's mean taken off; rows add up in double.
+    Single precision inside of a row, with a `level` near the mean taken off so that nothing
+    cancels; rows add up in double precision.
     """
     f, gx, gy = store.values[t], store.gradient_x[t], store.gradient_y[t]
     side = f.shape[0]
-    mean = _F(store.mean[t])
+    mean = _F(level)
     left, top = int(np.floor(warp[0])), int(np.floor(warp[1]))
     x0, y0 = _F(warp[0] - left), _F(warp[1] - top)
     xx, xy, yx, yy = _F(1.0 + warp[2]), _F(warp[3]), _F(warp[4]), _F(1.0 + warp[5])
@@ -253,7 +254,7 @@ def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
     g, sums, b, step, last = work
     side = store.values.shape[1]
     energy, corner = store.energy[t], store.offset[t]
-    rest, scale, zncc = np.nan, np.nan, np.nan
+    rest, scale, zncc, level = np.nan, np.nan, np.nan, store.mean[t]
     before, rate, relaxation = np.inf, 0.3, 1.0
     for iteration in range(most):
         reach = _reach(warp, corner, side)
@@ -261,7 +262,8 @@ def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
             return LEFT_IMAGE, rest, scale, zncc, iteration
         if not _within(reach, box[0] - _SLACK, box[1] + _SLACK, box[2] - _SLACK, box[3] + _SLACK):
             return NOT_CONVERGED, rest, scale, zncc, iteration
-        _measure(c, warp, free > 6, store, t, g, sums)
+        _measure(c, warp, free > 6, store, t, level, g, sums)
+        level += sums[0] / (side * side)
         square = sums[1] - sums[0] * sums[0] / (side * side)
         product = sums[2]
         if not square > _FLAT * energy:
@@ -319,7 +321,7 @@ def _bent(b, rest, store, t, step, penalty):
 
 @kernel
 def refine(c, shape, ids, guesses, boxes, store, options, table, out):
-    """Match templates, starting from guesses.
+    """Match templates, starting from guesses; `out` holds what is said where nothing is found.
 
     `options`: free parameters; whether noise decides on them (from six on); limits of the
     iteration (their number, tolerance and longest way [px]); way of the window's pixels for a unit
@@ -333,10 +335,6 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
         t, guess, box = ids[n], guesses[n], boxes[n]
         warp[:6] = guess
         warp[6:] = 0.0
-        out.warps[n] = guess
-        out.zncc[n] = np.nan
-        out.sigma[n] = np.nan
-        out.iterations[n] = 0
         if t < 0 or not np.isfinite(warp).all():
             out.reason[n] = NO_TEMPLATE
             continue
@@ -373,12 +371,14 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
         out.warps[n] = warp[:6]
         if reason != ACCEPTED:
             continue
-        # Noise of the residual, in grey levels of the template: that of the template and that of
-        # the image, of which interpolation has left a part, over the gain.
-        variance = rest / scale**2 / (side * side - 2 - free)
+        # Noise of the differences, in grey levels of the template: that of the template and that
+        # of the image over the gain, of which interpolation has left a part in the residual.
+        residual = rest / scale**2 / (side * side - 2 - free)
         left = _interpolated_noise(warp, store.offset[t], side, table)
-        variance *= (1.0 + 1.0 / scale**2) / (1.0 + left / scale**2)
-        variance = max(variance, store.floor[t], 1e-300)
+        noise = residual * (1.0 + 1.0 / scale**2) / (1.0 + left / scale**2)
+        noise = max(noise, store.floor[t])
+        # What is weighed against noise is not to change with the light.
+        variance = max(residual * 2.0 / (1.0 + left), 1e-300)
         cost_a, cost_q = 1.0, 1.0
         if weighed and free == 12:
             significance = _significance(store.weight_q[t], warp[6:])
@@ -397,11 +397,8 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
             for m in range(2, 6):
                 warp[m] *= kept
             out.warps[n] = warp[:6]
+        cost_a, cost_q = cost_a * (free > 2), cost_q * (free > 6)
         for k in range(2):
-            v = store.variance[t]
-            total = v[0, k]
-            if free > 2:
-                total += cost_a * (v[1, k] - v[0, k])
-            if free > 6:
-                total += cost_q * (v[2, k] - v[1, k])
-            out.sigma[n, k] = np.sqrt(variance * total)
+            v = store.variance[t, :, k]
+            total = v[0] + cost_a * (v[1] - v[0]) + cost_q * (v[2] - v[1])
+            out.sigma[n, k] = np.sqrt(noise * total)

@@ -27,7 +27,8 @@ __all__ = ["GradientNoise", "Gradients", "Normal", "normal_equations"]
 
 #: Up to this share of a diagonal element of M is taken for noise.
 _MOST_NOISE = 0.7
-#: Smallest eigenvalue, of M scaled to a unit diagonal, at which a step is determined.
+#: Smallest eigenvalue, of M scaled to a unit diagonal, at which a step is determined; the same
+#: for the part of the position, over the largest.
 _SINGULAR = 1e-5
 #: Smallest spread of grey levels, over their size, that is no rounding error of the arithmetic.
 _SMALLEST_CONTRAST = 1e-6
@@ -152,6 +153,8 @@ def normal_equations(
     _set_aside(good, m, square)
     scale = np.sqrt(np.maximum(_diagonal(m), 1e-300))
     good &= np.linalg.eigvalsh(m / (scale[:, :, None] * scale[:, None, :]))[:, 0] > _SINGULAR
+    position = np.linalg.eigvalsh(m[:, :2, :2])
+    good &= position[:, 0] > _SINGULAR * position[:, 1]
     _set_aside(good, m, square)
 
     sizes = (2, 6, 12)
