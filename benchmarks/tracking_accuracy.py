@@ -43,7 +43,8 @@ N_POINTS, MARGIN, WINDOW = 100, 45, 21
 ROWS = (
     ("translation", 0.0), ("translation", 1.0), ("translation", 2.0), ("translation", 5.0),
     ("translation", 10.0), ("translation", 20.0), ("affine", 1.0), ("rotation", 1.0),
-    ("fold", 1.0), ("wave", 1.0), ("fast", 1.0), ("very-fast", 1.0), ("miura", 1.0),
+    ("fold", 1.0), ("crease", 1.0), ("wave", 1.0), ("fast", 1.0), ("very-fast", 1.0),
+    ("miura", 1.0),
     ("miura", 5.0), ("miura-fold", 1.0), ("flicker", 1.0), ("gradient", 1.0), ("defocus", 1.0),
     ("motion-blur", 1.0), ("occlusion", 1.0), ("wave-occlusion", 1.0), ("long", 2.0),
     ("long-affine", 2.0), ("long-miura-fold", 2.0),

@@ -77,7 +77,8 @@ def main() -> None:
             result, tset, fmap = listing(clip, saved, np.eye(3))
         findings = [f for f in validate_file(saved).findings if f.level == "error"]
         loader = StateLoader(saved)
-        states = NodeDisplacements().transform(loader)
+        whole = np.flatnonzero(np.isfinite(tset.positions).all(axis=(0, 2)))
+        states = NodeDisplacements(node_ids=whole.tolist()).transform(loader)
     start = result.positions[0]
     rows = []
     for part, r in reference.items():

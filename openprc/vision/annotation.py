@@ -6,6 +6,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,12 +184,10 @@ class _Painter:
     def _trails(self, image: NDArray[np.uint8]) -> None:
         cv2 = load_cv2()
         steps = list(self._trail)
-        for count, (before, after) in enumerate(zip(steps, steps[1:], strict=False)):
+        for count, (before, after) in enumerate(pairwise(steps)):
             share = (count + 1) / len(steps)
-            colour = tuple(
-                int(c)
-                for c in np.array((60, 60, 60)) * (1 - share) + share * np.array((200, 150, 0))
-            )
+            mixed = (1 - share) * np.array((60, 60, 60)) + share * np.array((200, 150, 0))
+            colour = tuple(int(c) for c in mixed)
             both = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
             ends = np.rint(np.stack([before[both], after[both]], axis=1) * 8).astype(np.int32)
             if len(ends):
@@ -217,17 +216,19 @@ class _Painter:
         bar = np.full((_BAR, width, 3), 30, np.uint8)
         found = np.isin(status, (Status.TRACKED, Status.REFERENCE))
         share = float(found.mean()) if len(found) else 0.0
-        groups = ((found, Status.TRACKED), (status == Status.DRIFT, Status.DRIFT),
-                  (status == Status.OOB, Status.OOB), (status == Status.LOST, Status.LOST))  # fmt: skip
+        failed = ((status == code, code) for code in (Status.DRIFT, Status.OOB, Status.LOST))
         left = 0.0
-        for members, code in groups:
+        for members, code in ((found, Status.TRACKED), *failed):
             right = left + float(members.mean()) * width if len(members) else left
             if right > left:
                 corner = (round(right) - 1, _BAR - 1)
                 cv2.rectangle(bar, (round(left), _BAR - 5), corner, COLOURS[code], -1)
             left = right
         time = float(self._result.timestamps[index])
-        words = f"frame {index}   {time:.4g} s   found {int(found.sum())}/{len(found)} ({100 * share:.0f} %)"
+        words = (
+            f"frame {index}   {time:.4g} s   found {int(found.sum())}/{len(found)} "
+            f"({100 * share:.0f} %)"
+        )
         counts = "".join(
             f"   {name} {int((status == code).sum())}"
             for name, code in (("lost", Status.LOST), ("out", Status.OOB), ("drift", Status.DRIFT))

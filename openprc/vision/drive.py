@@ -289,8 +289,11 @@ def _table(path: Path) -> tuple[Path, list[str], NDArray[np.float64]]:
     if not lines:
         raise _no_table(path, "it holds no line of data")
     mark = next((mark for mark in ",;\t" if mark in lines[0][1]), ",")
-    split = [(n, [c.strip() for c in row]) for (n, _), row in
-             zip(lines, csv.reader([line for _, line in lines], delimiter=mark), strict=True)]  # fmt: skip
+    cells_of = csv.reader([line for _, line in lines], delimiter=mark)
+    split = [
+        (number, [cell.strip() for cell in row])
+        for (number, _), row in zip(lines, cells_of, strict=True)
+    ]
     header = [] if _numbers(split[0][1]) is not None else split[0][1]
     width = len(split[0][1])
     rows = []

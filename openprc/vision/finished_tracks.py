@@ -22,6 +22,7 @@ from openprc.vision.tracking.result import TrackingResult
 from openprc.vision.tracking.status import Status
 from openprc.vision.tracks_spool import BLOCK, slices
 from openprc.vision.trajectories.motion import motion_snr
+from openprc.vision.trajectories.resampling import even_clock
 from openprc.vision.trajectories.trajectory_set import TrajectorySet
 
 if TYPE_CHECKING:
@@ -189,9 +190,11 @@ class FinishedTracks:
         """Work on a few points at a time over all frames, and keep the outcome in a file."""
         # Of all points at once: what they have in common is what the camera does.
         size = len(self.points) if settings.stabilise else points_at_once(len(self.times))
-        store: NDArray[Any] | None = None
         gaps = left = short = 0
         frames = slice(0, len(self._result.timestamps))
+        if settings.rate:
+            self.times = even_clock(self.times, settings.rate)
+        store = _mapped(folder, len(self.times), len(self.points), len(self.axes))
         for part in slices(len(self.points), size):
             tracks = self._set(frames, self.points[part])
             if settings.stabilise:
@@ -205,16 +208,12 @@ class FinishedTracks:
                 tracks = tracks.smooth(settings.smooth, "savgol")
                 short += len(tracks.notes) > before
             if settings.rate:
-                tracks = tracks.resample(settings.rate)
-            if store is None:
-                self.times = tracks.timestamps
-                store = _mapped(folder, len(self.times), len(self.points), len(self.axes))
-                if settings.stabilise:
-                    self.notes += tuple(tracks.notes[:1])
+                tracks = tracks.resample(times=self.times)
+            if settings.stabilise:
+                self.notes += tuple(tracks.notes[:1])
             for name in SERIES:
                 store[name][:, part] = getattr(tracks, name)
         self.notes += tuple(_told(settings, gaps, left, short))
-        assert store is not None  # there is at least one point
         return store
 
     def blocks(self, points: NDArray[np.intp] | None = None) -> Iterator[Any]:

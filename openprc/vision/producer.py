@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, MissingData
+from openprc.vision.finished_tracks import FinishedTracks, PointFigures, chosen_points
 from openprc.vision.import_settings import ImportSettings
+from openprc.vision.run_figures import run_figures
+from openprc.vision.sniffing import sniff_video
+from openprc.vision.source.opening import open_source
+from openprc.vision.source.time_axis import TimeAxis
+from openprc.vision.start_points import StartPoints, read_bars, start_points
+from openprc.vision.track_writing import write_tracks
+from openprc.vision.tracking.tracker import Tracker
+from openprc.vision.tracks_spool import TracksSpool
 
 if TYPE_CHECKING:
     from openprc.schema import TrajectoryWriter
@@ -66,9 +75,7 @@ class VisionProducer:
         self.tracked: TrackedVideo | None = None
 
     def sniff(self, path: Path) -> float:
-        """Return 0.7 for what is a recording by its content, 0.3 for the name alone; see `sniff_video`."""
-        from openprc.vision.sniffing import sniff_video  # noqa: PLC0415 - kept light
-
+        """Return 0.7 for a recording by its content, 0.3 for the name alone; see `sniff_video`."""
         return sniff_video(Path(path))
 
     def import_run(
@@ -89,12 +96,6 @@ class VisionProducer:
         MissingData
             No point is left to be written.
         """
-        # Kept light: the package is listed without OpenCV or compilers.
-        from openprc.vision.finished_tracks import FinishedTracks  # noqa: PLC0415
-        from openprc.vision.finished_tracks import PointFigures, chosen_points  # noqa: PLC0415
-        from openprc.vision.source.opening import open_source  # noqa: PLC0415
-        from openprc.vision.track_writing import write_tracks  # noqa: PLC0415
-
         self.tracked = None
         settings = ImportSettings.from_options(options)
         with open_source(
@@ -105,8 +106,6 @@ class VisionProducer:
             start = _start(source, settings, path=Path(path))
             bars = None
             if settings.bars is not None:
-                from openprc.vision.start_points import read_bars  # noqa: PLC0415 - on demand
-
                 bars = read_bars(settings.bars, len(start.places))
             run = _follow(source, start.places, settings, writer.path.parent, self.progress)
         for option in ("points", "mask", "bars", "calibration"):
@@ -155,6 +154,7 @@ class VisionProducer:
 @dataclass(frozen=True)
 class _Run:
     result: TrackingResult
+    axis: TimeAxis
     interrupted: bool
 
 
@@ -167,9 +167,7 @@ def _check_drive(settings: ImportSettings, source: VideoSource) -> None:
     drive.check_length(sum(1 for _ in source.frames()))
 
 
-def _start(source: VideoSource, settings: ImportSettings, *, path: Path) -> Any:
-    from openprc.vision.start_points import start_points  # noqa: PLC0415 - needs OpenCV
-
+def _start(source: VideoSource, settings: ImportSettings, *, path: Path) -> StartPoints:
     number = settings.reference_frame
     frame = next(source.frames(start=number), None)
     if frame is None:
@@ -190,9 +188,6 @@ def _follow(
     folder: Path,
     progress: Callable[[int, int | None], None] | None,
 ) -> _Run:
-    from openprc.vision.tracking.tracker import Tracker  # noqa: PLC0415 - kept light
-    from openprc.vision.tracks_spool import TracksSpool  # noqa: PLC0415
-
     tracker = Tracker(
         source, places, config=settings.tracker_config(),
         reference_frame=settings.reference_frame, progress=progress,
@@ -209,8 +204,6 @@ def _follow(
         stamps, duplicated = spool.clock()
         notes = list(tracker.notes)
         if interrupted:
-            from openprc.vision.source.time_axis import TimeAxis  # noqa: PLC0415 - kept light
-
             # The declared number of frames says nothing of what was stopped half way.
             axis = TimeAxis.from_stamps(
                 stamps, declared_fps=source.fps, fps=settings.fps, duplicated=duplicated
@@ -222,12 +215,11 @@ def _follow(
             axis, reference_frame=settings.reference_frame, noise=tracker.noise,
             config=tracker.config, notes=tuple(notes),
         )  # fmt: skip
-    return _Run(result, interrupted)
+    return _Run(result, axis, interrupted)
 
 
 def _about(source: VideoSource, run: _Run) -> list[str]:
-    axis = run.result.time_axis
-    assert axis is not None  # made in _follow
+    axis = run.axis
     height, width = source.shape
     return [
         f"{source.container}, codec {source.codec}, {width} x {height} px, "
@@ -243,8 +235,6 @@ def _figures(
     source: VideoSource, run: _Run, figures: Any, settings: ImportSettings
 ) -> dict[str, Any]:
     """Return what tells whether the run can be trusted, as plain values."""
-    from openprc.vision.run_figures import run_figures  # noqa: PLC0415 - kept light
-
     return {
         **run_figures(run.result, figures),
         "declared_frames": source.frame_count or None,

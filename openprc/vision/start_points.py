@@ -103,9 +103,7 @@ def _detected(
     # Kept light: not before there is an image.
     from openprc.vision.detection.registry import detect  # noqa: PLC0415
 
-    found = detect(
-        image, settings.detector, mask=mask, ref_frame_index=settings.reference_frame
-    )
+    found = detect(image, settings.detector, mask=mask, ref_frame_index=settings.reference_frame)
     # A window that leaves the image cannot be refined.
     margin = max(settings.win_size, settings.subset if settings.refine == "icgn" else 0) // 2 + 1
     places = np.asarray(found.keypoints, dtype=np.float64)

@@ -15,8 +15,8 @@ pytest.importorskip("matplotlib")
 
 def tracks(n_frames=20, n_points=4, *, refined=True, dtype=np.float64):
     rng = np.random.default_rng(0)
-    positions = 20.0 + 15.0 * np.arange(n_points)[None, :, None] + rng.normal(
-        size=(n_frames, n_points, 2)
+    positions = (
+        20.0 + 15.0 * np.arange(n_points)[None, :, None] + rng.normal(size=(n_frames, n_points, 2))
     )
     status = np.zeros((n_frames, n_points), np.uint8)
     status[0] = Status.REFERENCE

@@ -71,9 +71,7 @@ def test_drive_mask_bars_and_marker(openprc, clip, tmp_path):
     (tmp_path / "bars.csv").write_text("0,1\n")
     (tmp_path / "u.csv").write_text("u [N]\n1\n2\n")
     named = ("--points", "points.csv", "--bars", "bars.csv")
-    told = openprc(
-        "track", clip, "--out", "a.h5", *named, "--drive", "u.csv", "--drive-hold", 0.2
-    )
+    told = openprc("track", clip, "--out", "a.h5", *named, "--drive", "u.csv", "--drive-hold", 0.2)
     assert told.code == 0, told.text
     with Trajectory(tmp_path / "a.h5") as run:
         assert run.input("drive").unit == "N"

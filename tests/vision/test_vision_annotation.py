@@ -33,9 +33,7 @@ def result():
     status[3:, 1] = Status.LOST
     status[3:, 2] = Status.DRIFT
     positions[3:, 1:] = np.nan
-    return TrackingResult(
-        positions=positions, status=status, timestamps=np.arange(N_FRAMES) / 10.0
-    )
+    return TrackingResult(positions=positions, status=status, timestamps=np.arange(N_FRAMES) / 10.0)
 
 
 def read(path):

@@ -31,12 +31,16 @@ def blobs(places, *, shape=(200, 240), sigma=3.0):
 def test_every_detector_gives_a_whole_feature_map(speckle, method):
     found = detect(speckle, method, ref_frame_index=3)
     n = len(found)
-    assert n > 100 and found.n_features == n
-    assert found.keypoints.shape == (n, 2) and found.keypoints.dtype == np.float64
-    assert (found.keypoints >= 0).all() and (found.keypoints <= [319, 239]).all()
+    assert n > 100
+    assert found.n_features == n
+    assert found.keypoints.shape == (n, 2)
+    assert found.keypoints.dtype == np.float64
+    assert (found.keypoints >= 0).all()
+    assert (found.keypoints <= [319, 239]).all()
     for column in (found.responses, found.sizes, found.angles, found.octaves, found.track_sigma):
         assert column.shape == (n,)
-    assert (np.diff(found.responses) <= 0).all() and found.responses[0] > 0
+    assert (np.diff(found.responses) <= 0).all()
+    assert found.responses[0] > 0
     assert (found.sizes > 0).all()
     width = {"sift": 128, "orb": 32, "akaze": 61, "gftt": None}[method]
     assert (found.descriptors is None) if width is None else found.descriptors.shape == (n, width)
@@ -133,7 +137,8 @@ def test_a_switch_is_true_or_false(speckle):
 def test_numbers_of_numpy_are_settings_like_others(speckle):
     same = get_detector("sift", n_features=np.int64(50), contrast_threshold=np.float32(0.25))
     assert same == get_detector("sift", n_features=50, contrast_threshold=0.25)
-    assert type(same.n_features) is int and len(detect(speckle, "orb", n_features=50.0)) <= 50
+    assert type(same.n_features) is int
+    assert len(detect(speckle, "orb", n_features=50.0)) <= 50
 
 
 def test_what_opencv_refuses_is_told(speckle):
@@ -243,7 +248,8 @@ def test_a_tiny_image_never_leads_to_an_error_of_opencv(method, size):
         found = detect(image, method)
     except NoFeaturesError:
         return
-    assert isinstance(found, FeatureMap) and (found.keypoints <= [size[1] - 1, size[0] - 1]).all()
+    assert isinstance(found, FeatureMap)
+    assert (found.keypoints <= [size[1] - 1, size[0] - 1]).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -262,7 +268,8 @@ def test_a_mask_says_where_features_may_be(speckle, method, paint):
     wanted[60:180, 100:260] = True
     found = detect(speckle, method, mask=paint(wanted))
     x, y = np.rint(found.keypoints).astype(int).T
-    assert len(found) > 20 and wanted[y, x].all()
+    assert len(found) > 20
+    assert wanted[y, x].all()
 
 
 @pytest.mark.parametrize(

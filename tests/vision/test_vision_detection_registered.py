@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ class Corners:
     offset: float = -2.0
 
     def detect(self, image):
-        assert image.dtype == np.uint8 and image.ndim == 2
+        assert image.dtype == np.uint8
+        assert image.ndim == 2
         return [(20.0 + 5 * i, 30.0) for i in range(self.count)]
 
 
@@ -45,8 +47,10 @@ def _nothing_stays(monkeypatch):
 def test_a_registered_detector_is_used_by_its_name():
     register_detector("corners", Corners)
     found = detect(IMAGE, "corners", count=4)
-    assert isinstance(found, FeatureMap) and len(found) == 4
-    assert found.detector_name == "corners" and found.frame_shape == (60, 80)
+    assert isinstance(found, FeatureMap)
+    assert len(found) == 4
+    assert found.detector_name == "corners"
+    assert found.frame_shape == (60, 80)
     assert np.isfinite(found.track_sigma).all()  # so that it can be ranked
     assert "corners" in registry.detector_names()
     assert get_detector("corners", offset=-5).offset == -5
@@ -63,7 +67,8 @@ def test_a_detector_may_give_a_feature_map_of_its_own():
     register_detector("rich", Rich)
     found = detect(IMAGE[:, :, None], "rich", ref_frame_index=4)
     assert found.top_n(1).keypoints.tolist() == [[40, 20]]
-    assert found.ref_frame_index == 4 and np.isfinite(found.track_sigma).all()
+    assert found.ref_frame_index == 4
+    assert np.isfinite(found.track_sigma).all()
 
 
 def test_a_mask_holds_for_every_detector():
@@ -135,8 +140,14 @@ class Plugin:
 
 
 @pytest.fixture
-def _plugin(monkeypatch, make_entry):
-    found = Registry([make_entry("marks", dist="openprc-marks", content=Plugin)], wanted="marks")
+def _plugin(monkeypatch):
+    entry = SimpleNamespace(
+        name="marks",
+        value="openprc_marks",
+        dist=SimpleNamespace(name="openprc-marks", version="0.1"),
+        load=lambda: Plugin,
+    )
+    found = Registry([entry], wanted="marks")
     monkeypatch.setattr(registry, "default_registry", lambda: found)
 
 
@@ -152,5 +163,5 @@ def test_a_plugin_brings_detectors():
 
 @pytest.mark.usefixtures("_plugin")
 def test_a_plugin_that_fails_is_named():
-    with pytest.raises(PluginError, match="openprc-marks/broken .* failed while detecting"):
+    with pytest.raises(PluginError, match=r"openprc-marks/broken .* failed while detecting"):
         detect(IMAGE, "broken")

@@ -34,7 +34,8 @@ def test_the_best_of_sift_lie_at_different_places(image):
     found = detect(image, "sift")
     assert distances(found).min() == 0.0  # one for each orientation
     best = found.top_n(200)
-    assert len(best) == 200 and distances(best).min() >= 1.0
+    assert len(best) == 200
+    assert distances(best).min() >= 1.0
     assert best.descriptors.shape == (200, 128)
     assert (np.diff(best.responses) <= 0).all()
 
@@ -133,7 +134,8 @@ def test_columns_of_different_length_are_refused():
 
 def test_no_points_make_an_empty_map():
     empty = made([])
-    assert len(empty) == 0 and empty.keypoints.shape == (0, 2)
+    assert len(empty) == 0
+    assert empty.keypoints.shape == (0, 2)
     assert len(empty.unique()) == len(empty.top_n(3, by="trackability")) == 0
 
 
@@ -143,7 +145,8 @@ def test_the_foretold_sigma_is_the_cramer_rao_bound(image, noise):
     bound = np.linalg.norm(cramer_rao(image, grid, noise=noise), axis=1)
     sigma = predicted_sigma(image, grid, noise=noise)
     # The worst direction lies between the larger coordinate and both together.
-    assert (sigma < 1.02 * bound).all() and (sigma > 0.98 * bound / np.sqrt(2)).all()
+    assert (sigma < 1.02 * bound).all()
+    assert (sigma > 0.98 * bound / np.sqrt(2)).all()
 
 
 def test_noise_in_the_frame_can_be_taken_off_the_prediction(image):
@@ -163,8 +166,10 @@ def test_windows_beyond_the_frame_and_edges_without_slope_are_flagged():
     edge[:, 40:] = 200
     found = FeatureMap.from_points([(40, 30), (9, 30), (20, 30)], frame_shape=(60, 80), image=edge)
     # Along the edge, and where nothing is: no precision at all. At x = 9 the window leaves.
-    assert found.track_sigma[0] == np.inf and found.track_sigma[2] == np.inf
-    assert np.isnan(found.track_sigma[1]) and np.isnan(found.trackability()[1])
+    assert found.track_sigma[0] == np.inf
+    assert found.track_sigma[2] == np.inf
+    assert np.isnan(found.track_sigma[1])
+    assert np.isnan(found.trackability()[1])
 
 
 def test_features_that_cannot_be_tracked_rank_last(image):

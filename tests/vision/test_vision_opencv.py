@@ -61,7 +61,8 @@ def _forget():
 
 def test_one_wheel_is_as_it_should_be(monkeypatch):
     installed(monkeypatch, "numpy", "opencv-python-headless", None)
-    assert opencv.wheels() == ("opencv-python-headless",) and opencv.conflict_note() is None
+    assert opencv.wheels() == ("opencv-python-headless",)
+    assert opencv.conflict_note() is None
     assert detect(IMAGE, "gftt").notes == ()
 
 

@@ -32,6 +32,23 @@ def test_frames_are_those_passed(images):
     assert source.describe()["path"] == "waves"
 
 
+def test_images_that_are_made_on_demand_are_not_made_in_advance():
+    class Drawn:
+        made = 0
+
+        def __len__(self):
+            return 10**9
+
+        def __getitem__(self, k):
+            type(self).made += 1
+            return image(k)
+
+    source = ArraySource(Drawn(), fps=10.0)
+    assert Drawn.made <= 2
+    np.testing.assert_array_equal(source.read_frame(17), image(17))
+    assert Drawn.made <= 3
+
+
 def test_times_may_be_given():
     times = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.9])
     source = ArraySource(STACK, times=10 + times)

@@ -86,7 +86,7 @@ def test_real_numbers(dtype, top):
 def test_real_numbers_of_another_range_need_it():
     stack = RNG.normal(0, 1000, (2, 20, 30))
     with pytest.raises(
-        ConfigError, match=r"values of the first frame go from -(.|\n)*value_range="
+        ConfigError, match=r"values of the first frames go from -(.|\n)*value_range="
     ):
         source_of(stack)
     frame = next(iter(source_of(stack, value_range=(-5000, 5000))))

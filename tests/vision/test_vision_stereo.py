@@ -88,7 +88,7 @@ def test_rays_that_part_are_no_point():
     rig = converging(25.0)
     left, right = rig.to_pixels([[0.0, 0.0, 600.0]])
     # The right camera looks away: the two lines of sight meet behind the cameras.
-    assert np.isnan(rig.to_physical(left, right + [900.0, 0.0])).all()
+    assert np.isnan(rig.to_physical(left, right + np.array([900.0, 0.0]))).all()
 
 
 def test_world_frame():

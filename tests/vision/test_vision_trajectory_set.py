@@ -188,7 +188,7 @@ def test_trimming_is_in_seconds(result):
     tracks = TrajectorySet.from_tracking_result(result).trim(0.2, 0.8)
     np.testing.assert_allclose(tracks.timestamps[[0, -1]], [0.2, 0.8])
     assert tracks.n_frames == 16
-    assert TrajectorySet.from_tracking_result(result).trim(start=1.0).n_frames == 5
+    assert TrajectorySet.from_tracking_result(result).trim(start_time=1.0).n_frames == 5
     with pytest.raises(ConfigError, match="no frame between 5 and 6 s"):
         tracks.trim(5, 6)
 

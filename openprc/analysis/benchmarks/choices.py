@@ -31,7 +31,8 @@ class Choices:
     ----------
     features : feature or sequence of features, optional
         By default the displacements of the nodes that move and are known in every frame, in the
-        coordinates in which any of them moves; in a file without positions, or where no node moves, all channels.
+        coordinates in which any of them moves; in a file without positions, or where no node
+        moves, all channels.
     readout : estimator, optional
         By default ``Ridge()``.
     split : Split

@@ -127,8 +127,8 @@ def _draw_tracks(
         lines.set_clim(float(times[0]), float(times[-1]))
         axes.add_collection(lines)
         figure.colorbar(
-            lines, ax=axes, label="time along the tracks [s]", location="right" if wide else "bottom",
-            fraction=0.04, pad=0.02, aspect=12 if wide else 40,
+            lines, ax=axes, label="time along the tracks [s]",
+            location="right" if wide else "bottom", fraction=0.04, pad=0.02, aspect=12 if wide else 40,
         )  # fmt: skip
     ratio = result.track_ratios() if stride == 1 else _ratios(result, stride)
     groups = (

@@ -84,8 +84,8 @@ def match(
 
     For each point a small patch that faces both cameras is moved along its line of sight (plane
     sweep; Collins 1996, doi:10.1109/CVPR.1996.517097); where the two pictures of it correlate,
-    larger ones at several tilts are compared, and the best is refined with an affine warp. A point is kept when it is unique and lies on
-    its epipolar line.
+    larger ones at several tilts are compared, and the best is refined with an affine warp. A point
+    is kept when it is unique and lies on its epipolar line.
 
     Parameters
     ----------

@@ -35,7 +35,10 @@ def grey_image(
     from openprc.vision.source.grey_levels import GreyLevels  # noqa: PLC0415 - needs OpenCV
 
     levels = GreyLevels(value_range, bayer=bayer)
-    grey, _ = levels.convert(np.ascontiguousarray(image), index=0)
+    given = np.ascontiguousarray(image)
+    levels.learn(given, index=0)
+    levels.settle()
+    grey, _ = levels.convert(given, index=0)
     return grey, tuple(levels.notes)
 
 

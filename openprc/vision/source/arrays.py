@@ -28,7 +28,7 @@ class ArrayImages:
     ) -> None:
         self._images = images
         self._times = times
-        self.codec = str(np.asarray(images[0]).dtype)
+        self.codec = str(getattr(images, "dtype", "images"))
         self.declared_fps = fps
         self.frame_count = len(images)
         self.notes: list[str] = []
@@ -54,8 +54,9 @@ class ArraySource(VideoSource):
     Parameters
     ----------
     images : (T, H, W) or (T, H, W, 3) array, or iterable of images
-        Colour in the order blue, green, red, as OpenCV has it. An iterable is read to its end.
-        Views are kept, not copies: do not change the images while the source is in use.
+        Colour in the order blue, green, red, as OpenCV has it. Neither arrays nor sequences are
+        copied: do not change the images while the source is in use. An iterator is read to its
+        end.
     fps : float [Hz], optional
     times : (T,) [s], optional
         Either this or `fps` is required.
@@ -84,7 +85,9 @@ class ArraySource(VideoSource):
         name: str = "array",
     ) -> None:
         check_rate(fps)
-        held: Any = images if isinstance(images, np.ndarray) else list(images)  # type: ignore[arg-type]
+        # What has a length and is indexed may compute its images on demand.
+        indexed = hasattr(images, "__len__") and hasattr(images, "__getitem__")
+        held: Any = images if indexed else list(images)  # type: ignore[arg-type]
         if len(held) == 0:
             raise VideoError(
                 "there is no image", expected="at least one", fix="check what was passed", file=name

@@ -57,7 +57,8 @@ class GreyLevels:
         self.file = file
         self.notes: list[str] = []
         self._form: tuple[tuple[int, ...], np.dtype[Any]] | None = None
-        self._high = 0.0
+        self._type: np.dtype[Any] = np.dtype(np.uint8)
+        self._low, self._high = np.inf, -np.inf
 
     def convert(self, image: NDArray[Any], *, index: int) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """Return grey (H, W) uint8 and intensity (H, W) of the frame number `index`.
@@ -66,14 +67,10 @@ class GreyLevels:
         ------
         VideoError
             Another size, number of channels or depth than the first frame; no finite values.
-        ConfigError
-            Floating point values that need a `value_range`.
         """
         plane = self._plane(image, index)
         if plane.dtype == np.uint8 and self.value_range is None:
             return plane, plane
-        if self.value_range is None:
-            self.value_range = self._default_range(plane)
         return self._scaled(plane), plane
 
     def learn(self, image: NDArray[Any], *, index: int) -> None:
@@ -81,8 +78,21 @@ class GreyLevels:
         plane = self._plane(image, index)
         if index == 0 and self.bayer is None and looks_like_mosaic(image):
             self._note(MOSAIC)
-        if plane.dtype == np.uint16:
+        self._type = plane.dtype
+        if self._type != np.uint8 and self.value_range is None:
+            self._low = min(self._low, float(plane.min()))
             self._high = max(self._high, float(plane.max()))
+
+    def settle(self) -> None:
+        """Fix the range of values, from what was learned, for the rest of the clip.
+
+        Raises
+        ------
+        ConfigError
+            Floating point values that need a `value_range`.
+        """
+        if self._type != np.uint8 and self.value_range is None:
+            self.value_range = self._default_range()
 
     def _plane(self, image: NDArray[Any], index: int) -> NDArray[Any]:
         """Return the image in one channel: uint8, uint16 or float32."""
@@ -143,9 +153,9 @@ class GreyLevels:
             image = np.ascontiguousarray(image[:, :, :3])
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
-    def _default_range(self, plane: NDArray[Any]) -> tuple[float, float]:
-        low, high = float(plane.min()), max(self._high, float(plane.max()))
-        if plane.dtype == np.uint16:
+    def _default_range(self) -> tuple[float, float]:
+        low, high = self._low, self._high
+        if self._type == np.uint16:
             # Blank frames at the start tell nothing.
             depth = next(depth for depth in _DEPTHS if high < 2**depth) if high else 16
             self._note(
@@ -155,12 +165,10 @@ class GreyLevels:
             return 0.0, 2.0**depth - 1.0
         for top in (1.0, 255.0):
             if low >= 0.0 and high <= top:
-                self._note(
-                    f"values of the type {plane.dtype}: grey levels show the range 0 to {top:g}"
-                )
+                self._note("floating point values: grey levels show the range 0 to {top:g}")
                 return 0.0, top
         raise ConfigError(
-            f"the values of the first frame go from {low:g} to {high:g}",
+            f"the values of the first frames go from {low:g} to {high:g}",
             expected="the range of values that grey levels 0 to 255 show, one for the whole clip",
             fix="pass value_range=(low, high)",
             file=self.file,
@@ -168,7 +176,7 @@ class GreyLevels:
         )
 
     def _scaled(self, plane: NDArray[Any]) -> NDArray[np.uint8]:
-        assert self.value_range is not None  # noqa: S101 - set by convert
+        assert self.value_range is not None  # noqa: S101 - by settle
         low, high = self.value_range
         grey = (plane.astype(np.float32) - np.float32(low)) * np.float32(255.0 / (high - low))
         if grey.min() < -0.5 or grey.max() > 255.5:

@@ -110,12 +110,14 @@ class VideoSource:
         with closing(self._reader.images(start=0)) as images:
             for image, stamp in islice(images, _FIRST):
                 self._levels.learn(image, index=len(stamps))
-                stamps.append(stamp)
+                self.height, self.width = image.shape[:2]
                 self.bit_depth = 8 * image.itemsize
+                stamps.append(stamp)
+                if self.kind != "video" and self.bit_depth == 8:
+                    break  # Neither the clock nor the range of values has to be guessed.
         if not stamps:
             raise self._no_frame()
-        with closing(self._decoded()) as frames:
-            self.height, self.width = next(frames).grey.shape
+        self._levels.settle()
         steps = np.diff(stamps)
         regular = len(steps) > 0 and bool(np.all(steps > 0))
         declared = plausible_rate(self._reader.declared_fps)

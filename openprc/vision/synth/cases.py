@@ -126,6 +126,11 @@ def _folding(shape: tuple[int, int]) -> Motion:
     return fold(lambda k: 0.12 * _rise(k), crease=_centre(shape)[0])
 
 
+def _creasing(shape: tuple[int, int]) -> Motion:
+    # One facet stays flat: windows across the crease see a kink.
+    return fold(lambda k: 0.12 * _rise(k), crease=_centre(shape)[0], left=lambda _k: 0.0)
+
+
 def _deforming(shape: tuple[int, int]) -> Motion:
     return affine(_turned, lambda k: 0.5 * _sway(k), centre=_centre(shape))
 
@@ -137,6 +142,7 @@ CASES: dict[str, Callable[[tuple[int, int], int], _Parts]] = {
         lambda s: rotation(lambda k: np.deg2rad(20.0) * _rise(k), centre=_centre(s))
     ),
     "fold": _on_speckle(_folding),
+    "crease": _on_speckle(_creasing),
     "wave": _on_speckle(
         lambda _s: standing_wave(lambda k: 4.0 * np.sin(2 * np.pi * k / _CYCLE), length=160.0)
     ),

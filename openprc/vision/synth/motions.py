@@ -52,24 +52,27 @@ class LinearMotion:
 
 @dataclass(frozen=True)
 class FoldMotion:
-    """What lies right of a crease is foreshortened, as by turning a facet out of the plane.
+    """Two facets that turn out of the plane about a crease, and so look shorter.
 
     Parameters
     ----------
-    shortening : callable
-        Frame to the part of the width that is lost, 0 at 0, below 1.
+    right, left : callable
+        Frame to the part of the width that is lost right and left of the crease, 0 at 0,
+        below 1. Where the two differ the motion has a kink at the crease.
     crease : float
         x of the crease [px].
     """
 
-    shortening: Callable[[float], float]
+    right: Callable[[float], float]
+    left: Callable[[float], float]
     crease: float
 
     def back(self, x: Values, y: Values, k: float) -> tuple[Values, Values]:
         """Return the places in frame 0; see `Motion`."""
-        beyond = np.maximum(x - self.crease, 0.0)
-        kept = 1.0 - self.shortening(k)
-        return np.minimum(x, self.crease) + beyond / kept, np.array(y, dtype=np.float64)
+        away = x - self.crease
+        right, left = 1.0 - self.right(k), 1.0 - self.left(k)
+        kept = np.where(away > 0.0, right, left)
+        return self.crease + away / kept, np.array(y, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -157,9 +160,14 @@ def affine(
     return LinearMotion(matrix, shift, centre)
 
 
-def fold(shortening: Callable[[float], float], *, crease: float) -> FoldMotion:
-    """Return a foreshortening of what lies right of x = `crease` [px]."""
-    return FoldMotion(shortening, crease)
+def fold(
+    right: Callable[[float], float],
+    *,
+    crease: float,
+    left: Callable[[float], float] | None = None,
+) -> FoldMotion:
+    """Return a foreshortening on both sides of x = `crease` [px], alike without `left`."""
+    return FoldMotion(right, left or right, crease)
 
 
 def standing_wave(amplitude: Callable[[float], float], *, length: float) -> WaveMotion:

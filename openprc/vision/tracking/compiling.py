@@ -18,7 +18,7 @@ _OPTIONS: dict[str, Any] = {
 
 def inner(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function into those that call it."""
-    compiled: Callable[..., Any] = numba.njit(inline="always", **_OPTIONS)(function)
+    compiled: Callable[..., Any] = numba.njit(**_OPTIONS)(function)
     return compiled
 
 

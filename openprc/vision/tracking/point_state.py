@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from openprc.vision.tracking.status import Status
 
+#: Frames over which the quality of a fresh template is averaged, and that of late.
+FRESH, _LATE = 10, 10
+
 
 @dataclass
 class PointState:
@@ -28,6 +31,8 @@ class PointState:
         Of the last position.
     usual : (N,)
         Quality that the point usually has, NaN before the first frame.
+    fresh, age : (N,)
+        Quality soon after the template was cut, and the frames since then.
     velocity : (N, 2) [px per frame]
         Last step between two frames in which the point was found.
     coasting : (N, 2) [px]
@@ -52,6 +57,8 @@ class PointState:
     quality: NDArray[np.float64] = field(init=False)
     sigma: NDArray[np.float64] = field(init=False)
     usual: NDArray[np.float64] = field(init=False)
+    fresh: NDArray[np.float64] = field(init=False)
+    age: NDArray[np.intp] = field(init=False)
     velocity: NDArray[np.float64] = field(init=False)
     coasting: NDArray[np.float64] = field(init=False)
     missed: NDArray[np.intp] = field(init=False)
@@ -69,6 +76,8 @@ class PointState:
         self.quality = np.where(self.tracked, 1.0, np.nan)
         self.sigma = np.full((n, 2), np.nan)
         self.usual = np.full(n, np.nan)
+        self.fresh = np.full(n, np.nan)
+        self.age = np.zeros(n, np.intp)
         self.velocity = np.zeros((n, 2))
         self.coasting = self.reference.copy()
         self.missed = np.zeros(n, np.intp)
@@ -81,6 +90,21 @@ class PointState:
     def positions(self) -> NDArray[np.float64]:
         """Where the points are, or are expected, (N, 2) [px]."""
         return self.warps[:, :2]
+
+    def learn(self, found: NDArray[np.bool_]) -> None:
+        """Learn from the last frame what quality the points `found` (N,) have."""
+        late = np.where(np.isnan(self.usual), self.quality, self.usual)
+        self.usual = np.where(found, late + (self.quality - late) / _LATE, self.usual)
+        growing = found & (self.age < FRESH)
+        self.age += found
+        first = np.where(np.isnan(self.fresh), 0.0, self.fresh)
+        mean = first + (self.quality - first) / np.maximum(self.age, 1)
+        self.fresh[growing] = mean[growing]
+
+    def forget(self, points: NDArray[np.intp]) -> None:
+        """Let the quality of points with another template be learned anew."""
+        self.fresh[points] = self.usual[points] = np.nan
+        self.age[points] = 0
 
 
 def gradients(warps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.vision.tracking import key_templates
 from openprc.vision.tracking.config import KLTConfig
-from openprc.vision.tracking.consistency import out_of_line, out_of_place
-from openprc.vision.tracking.correlation import Correlator, PreparedImage, estimate_noise
+from openprc.vision.tracking.correlation import Correlator, estimate_noise
 from openprc.vision.tracking.frame_search import FrameSearch
 from openprc.vision.tracking.local_motion import neighbour_table
+from openprc.vision.tracking.neighbour_checks import check_places, check_steps
 from openprc.vision.tracking.point_state import PointState, gradients, warps_at
 from openprc.vision.tracking.predictor import FAST_STEP, PyramidalKLT, Step
 from openprc.vision.tracking.reacquisition import along_with_neighbours, carry
 from openprc.vision.tracking.status import Status
+from openprc.vision.tracking.template_renewal import renew_templates
 from openprc.vision.tracking.track_steps import FrameTracks
 from openprc.vision.tracking.wide_search import wide_search
 
@@ -30,16 +30,6 @@ if TYPE_CHECKING:
 
 #: A lost point must match this well, compared with what it usually does.
 _RETURN_QUALITY = 0.85
-#: Frames over which the quality of a fresh template is averaged, and of late.
-_FRESH, _LATE = 10, 10
-#: Frames between two looks back to the template of the reference frame.
-_LOOK_BACK = 5
-#: A point that correlates less than this is held to its place among its neighbours.
-_FAINT = 0.97
-#: One that correlates less than this, or has lost this many times what it usually lacks and
-#: more, is not believed without agreement of its neighbours.
-_DOUBTFUL = 0.85
-_SUDDEN, _SUDDEN_LOSS = 6.0, 0.02
 #: Frames for which a lost point is taken to go on as it did.
 _COASTING = 10
 #: Lost points for which a larger surrounding is searched in one frame.
@@ -62,8 +52,6 @@ class RefinedTracks:
         self.noise = estimate_noise(frame.intensity)
         state = self._state = PointState(points, self._correlator.add_templates(image, points))
         self._neighbours = neighbour_table(points, self.config.neighbours)
-        self._fresh = np.full(len(points), np.nan)
-        self._age = np.zeros(len(points), np.intp)
         self._last_step = 0.0
         self._before = self._reference = frame.grey
         without = ~state.tracked
@@ -90,10 +78,17 @@ class RefinedTracks:
                 self._reacquire(search, frame.grey, lost, frame.index)
             else:
                 search.found &= state.tracked
-        drifted |= self._check_neighbours(search, before)
-        drifted |= self._check_places(search)
+        drifted |= check_steps(search, before, self._neighbours)
+        drifted |= check_places(search, self._neighbours)
         self._commit(search, before, drifted, frame)
-        self._renew(image, frame.index)
+        renew_templates(
+            state,
+            self._correlator,
+            image,
+            self._neighbours,
+            index=frame.index,
+            config=self.config,
+        )
         self._before = frame.grey
         self._last = self._tracks(frame)
         return self._last
@@ -219,78 +214,6 @@ class RefinedTracks:
         )
         search.attempt(lost, guess, templates=state.first_template[lost], floor=floor[lost])
 
-    def _check_neighbours(
-        self, search: FrameSearch, before: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
-        """Look where the neighbours of suspects lead to; return which are found to drift."""
-        state = self._state
-        drifted = np.zeros(len(state.reference), bool)
-        suspects = out_of_line(
-            before,
-            search.warps[:, :2],
-            search.found & state.tracked,
-            self._neighbours,
-            allowance=self.config.consistency,
-        )
-        if not len(suspects):
-            return drifted
-        others = search.found.copy()
-        others[suspects] = False
-        motion = along_with_neighbours(
-            suspects, before[suspects], before, search.warps[:, :2], others, self._neighbours
-        )
-        own = search.warps[suspects, :2]
-        away = np.linalg.norm(own - motion.positions, axis=1)
-        with np.errstate(invalid="ignore"):
-            odd = away > np.maximum(3 * motion.spread, self.config.consistency)
-        suspects, own, away = suspects[odd], own[odd], away[odd]
-        if not len(suspects):
-            return drifted
-        guess = warps_at(
-            motion.positions[odd], motion.gradients[odd] @ gradients(state.warps[suspects])
-        )
-        templates = state.template[suspects]
-        there = self._correlator.refine(search.image, templates, guess)
-        matches = search.acceptable(there, guess)
-        matches &= there.zncc >= 0.9 * search.quality[suspects]
-        elsewhere = np.linalg.norm(there.positions - own, axis=1) > 0.5
-        moved = matches & elsewhere
-        search.keep(suspects[moved], there, moved, templates[moved])
-        # A match elsewhere than the neighbours' is believed where Lucas-Kanade led to it.
-        astray = ~matches & ~search.led[suspects]
-        search.found[suspects[astray]] = False
-        drifted[suspects[astray]] = True
-        return drifted
-
-    def _check_places(self, search: FrameSearch) -> NDArray[np.bool_]:
-        """Return which points have slid away from their place among their neighbours (N,).
-
-        Only of points whose correlation is low, because of noise or because something is in
-        the way: they may slide by steps that are too small to be noticed one by one.
-        """
-        state = self._state
-        drifted = np.zeros(len(state.reference), bool)
-        with np.errstate(invalid="ignore"):
-            # A fall that comes suddenly is rather something in the way than wear.
-            fallen = 1.0 - search.quality > _SUDDEN * (1.0 - state.usual) + _SUDDEN_LOSS
-            doubtful = (search.quality < _DOUBTFUL) | fallen
-            faint = np.flatnonzero(search.found & ((search.quality < _FAINT) | fallen))
-        if len(faint):
-            slid = faint[
-                out_of_place(
-                    faint,
-                    state.reference,
-                    search.warps[:, :2],
-                    (gradients(search.warps) @ state.base)[faint],
-                    search.found,
-                    self._neighbours,
-                    doubtful=doubtful[faint],
-                )
-            ]
-            search.found[slid] = False
-            drifted[slid] = True
-        return drifted
-
     def _commit(
         self,
         search: FrameSearch,
@@ -306,7 +229,7 @@ class RefinedTracks:
             speed = np.hypot(state.velocity[steady, 0], state.velocity[steady, 1])
             self._last_step = float(np.percentile(speed, 90))
         returned = np.flatnonzero(found & (search.template != state.template))
-        self._forget(returned)
+        state.forget(returned)
         state.depth[returned] = 0
         state.base[returned], state.base_sigma[returned] = np.eye(2), 0.0
         state.template[found] = search.template[found]
@@ -314,14 +237,7 @@ class RefinedTracks:
         state.coasting[found] = search.warps[found, :2]
         state.missed = np.where(found, 0, state.missed + 1)
         state.quality, state.sigma = search.quality, search.sigma
-        late = np.where(np.isnan(state.usual), search.quality, state.usual)
-        state.usual = np.where(found, late + (search.quality - late) / _LATE, state.usual)
-        growing = found & (self._age < _FRESH)
-        self._age += found
-        first = np.where(np.isnan(self._fresh), 0.0, self._fresh)
-        self._fresh[growing] = (first + (search.quality - first) / np.maximum(self._age, 1))[
-            growing
-        ]
+        state.learn(found)
         has_template = state.first_template >= 0
         gone = ~found & has_template
         outside = gone & self._beyond_edge(state.warps[:, :2], frame.grey.shape)
@@ -332,53 +248,6 @@ class RefinedTracks:
         state.status[outside] = Status.OOB
         state.status[found] = Status.TRACKED
         state.tracked = found
-
-    def _renew(self, image: PreparedImage, index: int) -> None:
-        """Go back to the reference frame's templates where possible, cut new ones where due."""
-        state = self._state
-        deformation = gradients(state.warps) @ state.base
-        back = np.flatnonzero(state.tracked & (state.depth > 0))
-        back = back[(index + back) % _LOOK_BACK == 0]
-        if len(back):
-            guess = warps_at(state.warps[back, :2], deformation[back])
-            first = self._correlator.refine(image, state.first_template[back], guess)
-            near = np.linalg.norm(first.positions - guess[:, :2], axis=1) <= self.config.max_offset
-            good = first.accepted & near
-            rows = back[good]
-            state.warps[rows] = first.warps[good]
-            state.quality[rows], state.sigma[rows] = first.zncc[good], first.sigma[good]
-            state.template[rows] = state.first_template[rows]
-            state.depth[rows], state.base[rows] = 0, np.eye(2)
-            state.base_sigma[rows] = 0.0
-            self._forget(rows)
-        settled = state.tracked & (self._age >= _FRESH)
-        due = np.flatnonzero(
-            settled
-            & key_templates.worn(
-                state.usual,
-                self._fresh,
-                gradients(state.warps),
-                self._neighbours,
-                settled,
-                config=self.config,
-            )
-        )
-        if not len(due):
-            return
-        new = self._correlator.add_templates(image, state.warps[due, :2])
-        due, new = due[new >= 0], new[new >= 0]
-        state.base[due] = deformation[due]
-        state.base_sigma[due] = np.hypot(state.base_sigma[due], state.sigma[due])
-        state.warps[due, 2:] = 0.0
-        state.template[due] = new
-        state.depth[due] += 1
-        self._forget(due)
-
-    def _forget(self, points: NDArray[np.intp]) -> None:
-        """Let the quality of points with another template be learned anew."""
-        self._fresh[points] = np.nan
-        self._age[points] = 0
-        self._state.usual[points] = np.nan
 
     def _beyond_edge(
         self, points: NDArray[np.float64], shape: tuple[int, ...]

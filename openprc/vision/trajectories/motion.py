@@ -12,8 +12,10 @@ from openprc.errors import ConfigError, MissingData
 
 MotionModel = Literal["translation", "rigid", "similarity"]
 
-#: Rounds in which the shape of the still points and the motion of the camera are improved.
+#: Rounds in which the shape of the still points and the motion of the camera are improved ...
 _ROUNDS = 20
+#: ... and fewer while it is not known yet which points are still.
+_SEARCH_ROUNDS = 3
 #: Still points are looked for among this fraction, the ones that move least.
 _CALM = 0.25
 #: A point is still if it departs by no more than this many times what the calm ones do.
@@ -173,14 +175,14 @@ def find_static(
     known = known[present[known] >= 0.5 * present.max(initial=0.0)]
     count = min(len(known), max(need + 1, int(np.ceil(_CALM * len(known)))))
     chosen = known[np.argsort(spread[known], kind="stable")[:count]]
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS // 2):
         if len(chosen) < need:
             break
         still = positions[:, chosen]
         enough = np.isfinite(still).all(axis=2).sum(axis=1) >= need
         if not enough.any():
             break
-        undone = _undo(positions[enough], *_common_motion(still[enough], model))
+        undone = _undo(positions[enough], *_common_motion(still[enough], model, _SEARCH_ROUNDS))
         left = _spreads(undone)
         calm = np.sort(left[known])[:count]
         bound = _STILL * float(np.median(calm))
@@ -211,14 +213,14 @@ def _scatter(positions: NDArray[np.float64]) -> float:
 _Fit = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
-def _common_motion(still: NDArray[np.float64], model: MotionModel) -> _Fit:
+def _common_motion(still: NDArray[np.float64], model: MotionModel, rounds: int = _ROUNDS) -> _Fit:
     """Return scale (T,), turn (T, D, D) and shift (T, D): still = scale turn shape + shift.
 
     The shape of the background is not known beforehand, and no frame need show all of it: it is
     the mean of what the frames show, each brought back by its own motion, in turns.
     """
     shape = _first_seen(still)
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         scale, turn, shift = _fit(shape, still, model)
         back = _undo(still, scale, turn, shift)
         seen = np.isfinite(back).all(axis=2)[..., np.newaxis]
@@ -226,7 +228,7 @@ def _common_motion(still: NDArray[np.float64], model: MotionModel) -> _Fit:
         mean = np.where(seen.any(axis=0), mean, np.nan)
         change = np.nanmax(np.abs(mean - shape), initial=0.0)
         shape = mean
-        if change <= 1e-12 * max(1.0, float(np.nanmax(np.abs(shape), initial=0.0))):
+        if change <= 1e-11 * max(1.0, float(np.nanmax(np.abs(shape), initial=0.0))):
             break
     scale, turn, shift = _fit(shape, still, model)
     # The first frame is where the camera stays.

@@ -131,8 +131,11 @@ def _runs(
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
     for start, stop in edges.reshape(-1, 2):
         known = slice(start, stop)
-        last = times[stop - 1]
-        inside = np.flatnonzero(wanted & (new >= times[start]) & (new <= last))
+        low, high = (
+            np.searchsorted(new, times[start]),
+            np.searchsorted(new, times[stop - 1], "right"),
+        )
+        inside = low + np.flatnonzero(wanted[low:high])
         if stop - start < 2 or not len(inside):
             continue
         values = positions[known, node]

@@ -168,19 +168,20 @@ class TrajectorySet:
         chosen = self.motion_snr() > snr
         return self._points(point_mask(chosen, self.n_features), "select_moving", snr=float(snr))
 
-    def trim(self, start: float | None = None, stop: float | None = None) -> TrajectorySet:
-        """Return the frames from `start` to `stop` [s], both included."""
+    def trim(self, start_time: float | None = None, end_time: float | None = None) -> TrajectorySet:
+        """Return the frames from `start_time` to `end_time` [s], both included."""
         keep = np.ones(self.n_frames, dtype=bool)
-        keep &= True if start is None else self.timestamps >= start
-        keep &= True if stop is None else self.timestamps <= stop
+        keep &= True if start_time is None else self.timestamps >= start_time
+        keep &= True if end_time is None else self.timestamps <= end_time
         if not keep.any():
             raise ConfigError(
-                f"no frame between {start} and {stop} s",
+                f"no frame between {start_time} and {end_time} s",
                 expected=f"times from {self.timestamps[0]:g} to {self.timestamps[-1]:g} s",
                 fix="correct the interval",
                 key="trim",
             )
-        return self._take("trim", (np.flatnonzero(keep),), start=start, stop=stop)
+        rows = np.flatnonzero(keep)
+        return self._take("trim", (rows,), start_time=start_time, end_time=end_time)
 
     def _points(self, index: NDArray[np.intp], operation: str, **settings: Any) -> TrajectorySet:
         return self._take(operation, (slice(None), index), kept=len(index), **settings)
