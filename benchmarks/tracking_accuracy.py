@@ -75,7 +75,7 @@ def points_of(clip: cases.Scene, *, grid: bool = False) -> np.ndarray:
     height, width = clip.shape
     if grid:
         x, y = np.meshgrid(
-            np.arange(MARGIN + 15, width - MARGIN, 20), np.arange(MARGIN + 15, height - MARGIN, 20)
+            np.arange(MARGIN + 25, width - MARGIN, 20), np.arange(MARGIN + 25, height - MARGIN, 20)
         )
         return np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
     found = detect(clip.frame(0), "gftt", min_distance=12.0)

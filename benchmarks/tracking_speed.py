@@ -159,7 +159,7 @@ def measure_grid(
     """Take turns with pyvale, on the grid that it correlates."""
     height, width = clip.shape
     x, y = np.meshgrid(
-        np.arange(MARGIN + 15, width - MARGIN, 20), np.arange(MARGIN + 15, height - MARGIN, 20)
+        np.arange(MARGIN + 25, width - MARGIN, 20), np.arange(MARGIN + 25, height - MARGIN, 20)
     )
     nodes = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
     truth = clip.truth(nodes)

@@ -2,8 +2,8 @@
 
     python -m peers.pyvale_tracks GIVEN.npz MADE.npz affine
 
-It correlates every node of a grid and takes no points; the given points have to lie on one, and
-nodes are looked up by their coordinates.
+It correlates every node of a grid and takes no points: windows begin at multiples of the step, so
+with 20 px its nodes are at 10, 30, 50 ... px. The given points have to be among them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def main() -> None:
         frames, points = data["frames"], data["points"]
     height, width = frames.shape[1:]
     mask = np.zeros((height, width), bool)
-    low, high = points.min(axis=0) - STEP // 2, points.max(axis=0) + STEP // 2
+    low, high = points.min(axis=0) - STEP, points.max(axis=0) + STEP
     mask[int(max(low[1], 0)) : int(high[1]) + 1, int(max(low[0], 0)) : int(high[0]) + 1] = True
     positions = np.full((len(frames), len(points), 2), np.nan)
     positions[0] = points
@@ -51,11 +51,11 @@ def main() -> None:
         )
         seconds = time.process_time() - began
         for k in range(1, len(frames)):
+            # The line of names ends with a comma and so has a column more than the others.
             table = np.genfromtxt(
-                folder / f"dic_results_frame_{k:05d}.csv", delimiter=",", names=True
+                folder / f"dic_results_frame_{k:05d}.csv", delimiter=",", skip_header=1
             )
-            names = table.dtype.names
-            x, y, u, v = (table[names[i]] for i in range(4))
+            x, y, u, v = table[:, :4].T
             for n, point in enumerate(points):
                 hit = np.flatnonzero((np.abs(x - point[0]) < 0.6) & (np.abs(y - point[1]) < 0.6))
                 if len(hit):

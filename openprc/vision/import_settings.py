@@ -171,7 +171,7 @@ class ImportSettings:
                 key="calibration",
             )
         if self.y_up and not found.y_up:
-            found = dataclasses.replace(found, y_up=True)
+            found = found.turned_up()
         check = found.check_frame(shape)
         if check.warning:
             raise CalibrationError(

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from openprc.errors import UnreadableFile
 from openprc.hooks.protocols import Sample
-from openprc.vision.opencv import load_cv2
+from openprc.vision.synth import Photometry, Scene, speckle
+from openprc.vision.synth.motions import TileMotion
 
 FPS = 30.0
 #: A symbol is held from one frame to the next.
 N_SYMBOLS = 500
-SHAPE = (120, 160)
+#: Patches down and across, and the side of each [px].
+GRID, SIDE = (3, 4), 40
 
-_SPACING = 40.0
 _AMPLITUDE = np.array([6.0, 4.0])
 
 
@@ -27,8 +27,8 @@ def symbols() -> NDArray[np.float64]:
 
 def patch_centres() -> NDArray[np.float64]:
     """Return the places of the patches at rest, (12, 2) [px]."""
-    x, y = np.meshgrid(np.arange(4), np.arange(3))
-    return 20.0 + _SPACING * np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
+    x, y = np.meshgrid(np.arange(GRID[1]), np.arange(GRID[0]))
+    return SIDE * (0.5 + np.column_stack([x.ravel(), y.ravel()]).astype(np.float64))
 
 
 def displacements() -> NDArray[np.float64]:
@@ -56,6 +56,18 @@ def displacements() -> NDArray[np.float64]:
     return _AMPLITUDE * state
 
 
+def clip() -> Scene:
+    """Return the patches as a clip: every one speckled, seen through a window that stands still."""
+    moved = displacements().reshape(-1, *GRID, 2)
+    return Scene(
+        texture=speckle(seed=11),
+        motion=TileMotion(moved, SIDE),
+        n_frames=len(moved),
+        shape=(GRID[0] * SIDE, GRID[1] * SIDE),
+        photometry=Photometry(noise=1.0),
+    )
+
+
 def write_sample(folder: Path) -> Sample:
     """Render the patches into a lossless AVI in `folder`: at rest, then after each symbol.
 
@@ -66,31 +78,10 @@ def write_sample(folder: Path) -> Sample:
     UnreadableFile
         When OpenCV cannot write the video.
     """
-    cv2 = load_cv2()
-    path = Path(folder) / "patches.avi"
-    rng = np.random.default_rng(11)
-    # Five Gaussian spots a patch, drawn at their exact sub-pixel places.
-    offsets = rng.uniform(-6.0, 6.0, (12, 5, 2))
-    weights = rng.uniform(-70.0, 90.0, (12, 5)).ravel()
-    writer = cv2.VideoWriter(
-        str(path), cv2.VideoWriter.fourcc(*"FFV1"), FPS, SHAPE[::-1], isColor=False
-    )
-    try:
-        for moved in displacements():
-            spots = (patch_centres()[:, None] + moved[:, None] + offsets).reshape(-1, 2)
-            columns = np.exp(-((np.arange(SHAPE[1]) - spots[:, :1]) ** 2) / (2 * 2.0**2))
-            rows = np.exp(-((np.arange(SHAPE[0]) - spots[:, 1:]) ** 2) / (2 * 2.0**2))
-            image = 110.0 + (rows * weights[:, None]).T @ columns
-            writer.write(np.clip(np.round(image), 0, 255).astype(np.uint8))
-    finally:
-        writer.release()
-    if not path.exists() or path.stat().st_size == 0:
-        raise UnreadableFile(
-            "OpenCV wrote no video",
-            expected="a build of OpenCV with the FFV1 encoder",
-            fix="install the wheel opencv-python-headless",
-            file=path,
-        )
+    path = clip().write(Path(folder) / "patches.avi", fps=FPS)
+    points = Path(folder) / "points.csv"
+    lines = [f"{x:g},{y:g}\n" for x, y in patch_centres()]
+    points.write_text("x,y\n" + "".join(lines))
     drive = {
         "sequence": symbols(),
         "hold": 1.0 / FPS,
@@ -98,4 +89,4 @@ def write_sample(folder: Path) -> Sample:
         "unit": "1",
         "quantity": "drive",
     }
-    return Sample(path=path, options={"max_points": 12}, inputs={"drive": drive})
+    return Sample(path=path, options={"points": str(points)}, inputs={"drive": drive})

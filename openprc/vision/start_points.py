@@ -118,11 +118,12 @@ def _detected(
         & (places[:, 1] <= height - 1 - margin)
     )
     spacing = settings.win_size / 2 if settings.spacing is None else settings.spacing
-    best = (
-        found.select(inside).top_n(settings.max_points, by="trackability", min_distance=spacing)
-        if inside.any()
-        else None
-    )
+    fit = found.select(inside)
+    if settings.refine == "icgn" and len(fit):
+        fit = fit.select(_can_be_matched(image, fit.keypoints, settings))
+    best = None
+    if len(fit):
+        best = fit.top_n(settings.max_points, by="trackability", min_distance=spacing)
     if best is None or not len(best):
         raise NoFeaturesError(
             f"the detector {settings.detector!r} finds no point in frame "
@@ -134,6 +135,19 @@ def _detected(
             key="detector",
         )
     return np.asarray(best.keypoints, dtype=np.float64)
+
+
+def _can_be_matched(
+    image: NDArray[np.uint8], places: NDArray[np.float64], settings: ImportSettings
+) -> NDArray[np.bool_]:
+    """Tell around which points a template can be cut, (n,)."""
+    # Compiled numerics: not before they are needed.
+    from openprc.vision.tracking.correlation import Correlator  # noqa: PLC0415
+
+    correlator = Correlator(settings.tracker_config().refinement)
+    numbers = correlator.add_templates(correlator.prepare(image), places)
+    usable: NDArray[np.bool_] = numbers >= 0
+    return usable
 
 
 def read_points(path: Path, shape: tuple[int, ...]) -> NDArray[np.float64]:

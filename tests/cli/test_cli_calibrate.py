@@ -25,7 +25,7 @@ def folders(tmp_path_factory):
     """Folders L and R with five pairs of pictures."""
     root = tmp_path_factory.mktemp("pictures")
     cv2, rays = load_cv2(), Rays(RIG.left)
-    nearer = [dict(view, at=(0.4 * view["at"][0], 0.8 * view["at"][1])) for view in VIEWS[:5]]
+    nearer = [dict(view, at=(0.4 * view["at"][0], 0.8 * view["at"][1])) for view in VIEWS[:4]]
     for side in "LR":
         (root / side).mkdir()
         for i, (turn, shift) in enumerate(poses(BOARD, 420.0, nearer)):

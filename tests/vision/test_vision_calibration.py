@@ -99,6 +99,20 @@ def test_y_up_is_as_said(calibration):
     assert (down[1] < 0.0) == calibration.y_up
 
 
+def test_turned_up(calibration):
+    up = calibration.turned_up()
+    pixels = np.array([[500.0, 400.0], [900.0, 800.0]])
+    assert up.y_up
+    before, after = (np.diff(c.to_physical(pixels), axis=0)[0] for c in (calibration, up))
+    assert np.abs(after) == pytest.approx(np.abs(before), abs=1e-9)
+    assert after[1] < 0.0 < after[0]
+    assert up.to_pixels(up.to_physical(pixels)) == pytest.approx(pixels, abs=1e-9)
+    sigma = np.full(pixels.shape, 0.1)
+    assert up.sigma_to_physical(pixels, sigma) == pytest.approx(
+        calibration.sigma_to_physical(pixels, sigma), abs=1e-12
+    )
+
+
 def test_points_of_another_shape(calibration):
     with pytest.raises(CalibrationError, match=r"shape \(5, 3\)[\s\S]*\(\.\.\., 2\)"):
         calibration.to_physical(np.zeros((5, 3)))

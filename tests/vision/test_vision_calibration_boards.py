@@ -174,16 +174,29 @@ def test_exact_corners_give_the_camera():
     assert camera.dist == pytest.approx(DIST, abs=2e-5)
 
 
-def test_parallel_boards_are_told():
+def tilted_by(tilt):
+    """Views of boards that turn about the optical axis, each tilted the same way."""
     seen = []
     for i, at in enumerate(np.random.default_rng(1).uniform(-40, 40, (10, 2))):
-        turn, shift = facing(330.0 + 10 * i, z=5.0 * i, centre=(70, 40), at=at)
+        turn, shift = facing(330.0 + 10 * i, x=tilt * (i % 2), z=5.0 * i, centre=(70, 40), at=at)
         pixels = CAMERA.project(CHESSBOARD.points @ turn.T + shift)
         pixels = pixels + 0.05 * np.random.default_rng(i).standard_normal(pixels.shape)
         seen.append((str(i), BoardView(np.arange(40), CHESSBOARD.points, pixels)))
-    told = " ".join(fit_views(seen, SHAPE, model="none").camera.notes)
-    assert "parallel within" in told
-    assert "cannot be told apart" in told
+    return seen
+
+
+@pytest.mark.parametrize("model", ["none", "k1", "k1k2p1p2k3"])
+def test_parallel_boards_are_refused(model):
+    with pytest.raises(CalibrationError, match="do not determine the focal length"):
+        fit_views(tilted_by(0.0), SHAPE, model=model)
+
+
+def test_nearly_parallel_boards_are_told():
+    camera = fit_views(tilted_by(10.0), SHAPE, model="k1k2p1p2").camera
+    told = " ".join(camera.notes)
+    assert "parallel within 1" in told
+    assert "hard to tell apart" in told
+    assert abs(camera.matrix[0, 0] - 520.0) < 4.0 * camera.sigma["fx"]
 
 
 def test_too_few_views(views):

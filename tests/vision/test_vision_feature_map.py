@@ -194,7 +194,7 @@ def test_a_map_is_rated_by_its_own_frame(image):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_ranking_by_trackability_makes_better_tracks_than_responses_of_sift(seed):
     """On weak texture: Miura facets, noise of 5 grey levels, plain Lucas-Kanade."""
-    scene = cases.case("miura", noise=5.0, n_frames=10, shape=(240, 320), seed=seed)
+    scene = cases.case("miura", noise=5.0, n_frames=5, shape=(240, 320), seed=seed)
     first = next(scene.frames())
     sift, gftt = detect(first, "sift"), detect(first, "gftt")
     chosen = {

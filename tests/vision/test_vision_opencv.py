@@ -1,4 +1,11 @@
-"""OpenCV itself: absent, without a part, of two versions, or installed twice."""
+"""OpenCV itself: absent, without a part, of two versions, or installed twice.
+
+One environment holds one version. To run the tests of video under the other one::
+
+    pip uninstall -y opencv-python-headless
+    pip install --no-deps "opencv-contrib-python-headless>=5,<6"
+    pytest tests/vision
+"""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from video_clips import cut_off, patched, read_bar_code, write_clip, zeroed
 
 from openprc.errors import VideoError
 from openprc.vision import VideoSource
+from openprc.vision.source.stored_size import stored_size
 
 cv2 = pytest.importorskip("cv2")
 
@@ -151,6 +152,16 @@ def test_one_picture_of_another_size_is_damage(clips):
     assert "1 picture of another size" in " ".join(source.notes)
     with pytest.raises(VideoError, match="another size"):
         list(VideoSource(path, strict=True))
+
+
+def test_sizes_that_compressed_pictures_name():
+    # MPEG-1/2: the sequence header has 12 bits of width and 12 of height behind its code.
+    assert stored_size(b"\0\0\1\xb3\x14\x00\xf0\x25") == (320, 240)
+    assert stored_size(b"\0\0\1\x00\x14\x00\xf0\x25") is None
+    _, picture = cv2.imencode(".jpg", np.zeros((24, 40, 3), np.uint8))
+    assert stored_size(picture.tobytes()) == (40, 24)
+    assert stored_size(picture.tobytes()[:30]) is None
+    assert stored_size(b"") is None
 
 
 def with_another_size(path, shape, *, count):

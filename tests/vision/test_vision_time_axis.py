@@ -33,6 +33,7 @@ def test_whole_milliseconds_of_a_constant_rate(rate, rounding):
     np.testing.assert_allclose(found.times, np.arange(400) / rate, rtol=0, atol=1e-9)
     assert found.uniform
     assert not found.dropped
+    assert found.notes == ()
 
 
 @pytest.mark.parametrize("declared", [0.0, np.nan, 1000.0, -1.0, 90000.0])

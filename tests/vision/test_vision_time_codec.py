@@ -84,6 +84,13 @@ def test_program_stream_says_what_it_lacks():
     assert "declares 119 frames and delivered 120" in " ".join(source.notes)
 
 
+def test_stamp_that_is_not_there_is_nan():
+    stamps = [frame.stamp for frame in opened("mpeg2_ps.mpg")]
+    assert np.isnan(stamps[-1])
+    assert np.isfinite(stamps[:-1]).all()
+    assert stamps[0] == 0.0
+
+
 def test_wrong_count_of_the_matroska_file_is_noted():
     source, axis, _ = read("vfr_h264.mkv")
     assert source.frame_count == 138

@@ -128,7 +128,8 @@ def _draw_tracks(
         axes.add_collection(lines)
         figure.colorbar(
             lines, ax=axes, label="time along the tracks [s]",
-            location="right" if wide else "bottom", fraction=0.04, pad=0.02, aspect=12 if wide else 40,
+            location="right" if wide else "bottom", fraction=0.04, pad=0.02,
+            aspect=12 if wide else 40,
         )  # fmt: skip
     ratio = result.track_ratios() if stride == 1 else _ratios(result, stride)
     groups = (

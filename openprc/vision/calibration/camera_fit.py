@@ -27,8 +27,8 @@ MODELS: dict[str, tuple[str, ...]] = {
     "rational": NAMES[:8],
     "thin-prism": NAMES[:12],
 }
-#: Fewest views, and how far apart [deg] the boards' normals have to be for a focal length.
-FEWEST_VIEWS, LEAST_TILT = 3, 10.0
+#: Fewest views; how far apart [deg] the boards' normals should be, and have to be.
+FEWEST_VIEWS, LEAST_TILT, REFUSED_TILT = 3, 15.0, 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,14 +269,23 @@ def _solve(
     names = ("fx", "fy", "cx", "cy", *NAMES)
     wanted = {"fx", "fy", "cx", "cy", *free}
     sigma = {n: float(s) for n, s in zip(names, deviations, strict=False) if n in wanted}
-    if not np.isfinite([*matrix.ravel(), *coefficients, *sigma.values()]).all():
+    rotations = [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in turns]
+    focal = matrix[[0, 1], [0, 1]]
+    finite = np.isfinite([*matrix.ravel(), *coefficients, *sigma.values()]).all()
+    # No lens sees more than 174 degrees, or less than a fortieth of a degree.
+    sound = finite and (focal > 0.05 * max(shape)).all() and (focal < 2000.0 * max(shape)).all()
+    if not sound or _widest(rotations) < REFUSED_TILT:
         raise CalibrationError(
-            "the fit did not converge to finite numbers",
-            expected="boards tilted in several directions",
+            "the views do not determine the focal length"
+            + (
+                f": the boards are parallel within {_widest(rotations):.1f} degrees"
+                if sound
+                else ""
+            ),
+            expected="boards tilted by 20 to 40 degrees, in several directions",
             fix="take more pictures at other angles, or estimate fewer coefficients",
             key="images",
         )
-    rotations = [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in turns]
     return (
         np.asarray(matrix, np.float64),
         coefficients,
@@ -286,15 +295,20 @@ def _solve(
     )
 
 
+def _widest(rotations: list[Array]) -> float:
+    """Largest angle between the normals of any two boards [deg]."""
+    normals = np.array([rotation[:, 2] for rotation in rotations])
+    cosines: NDArray[np.float64] = np.abs(normals @ normals.T)
+    return float(np.degrees(np.arccos(np.clip(np.nan_to_num(cosines).min(), 0.0, 1.0))))
+
+
 def _notes(views: list[FittedView], camera: CameraCalibration, coverage: float) -> list[str]:
     notes = []
-    normals = np.array([view.rotation[:, 2] for view in views])
-    cosines: NDArray[np.float64] = np.abs(normals @ normals.T)
-    widest = float(np.degrees(np.arccos(np.clip(cosines.min(), 0.0, 1.0))))
+    widest = _widest([view.rotation for view in views])
     if widest < LEAST_TILT:
         notes.append(
             f"the boards are parallel within {widest:.1f} degrees: focal length and distance "
-            "cannot be told apart; tilt the board by 20 to 40 degrees in several directions"
+            "are hard to tell apart; tilt the board by 20 to 40 degrees in several directions"
         )
     for name, place in (("fx", (0, 0)), ("fy", (1, 1))):
         share = camera.sigma[name] / camera.matrix[place]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -135,6 +135,10 @@ class Calibration(ABC):
             f"{new_width}x{new_height}: positions will be wrong. Calibrate with images of the "
             f"recording's size, or give the frame_shape that the calibration belongs to",
         )
+
+    def turned_up(self) -> Calibration:
+        """Return the same calibration with y counted upwards."""
+        return self if self.y_up else replace(self, y_up=True)  # type: ignore[type-var]
 
     def rescaled(self, shape: tuple[int, int]) -> Calibration | None:
         """Return the same calibration for another resolution; None where there is none."""

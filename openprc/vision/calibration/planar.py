@@ -285,6 +285,20 @@ class PlanarTarget(Calibration):
 
     # --- other sizes, files -------------------------------------------------------------------
 
+    def turned_up(self) -> PlanarTarget:
+        """Return the same plane with y counted the other way, if it points down."""
+        if self.y_up:
+            return self
+        turn = np.diag([1.0, -1.0, 1.0])
+        wide = np.kron(np.eye(3), turn)
+        x, y = self.centre
+        return replace(
+            self,
+            homography=self.homography @ turn,
+            centre=(x, -y),
+            covariance=None if self.covariance is None else wide @ self.covariance @ wide.T,
+        )
+
     def rescaled(self, shape: tuple[int, int]) -> PlanarTarget | None:
         """Return the same plane in images of another resolution."""
         if self.frame_shape is None:

@@ -176,7 +176,7 @@ class StereoRig:
             self.right.project(inside @ self.rotation.T + self.translation),
         )
 
-    def to_physical(self, pixels_left: ArrayLike, pixels_right: ArrayLike) -> Array:
+    def locate(self, pixels_left: ArrayLike, pixels_right: ArrayLike) -> Array:
         """Return points of the world, (..., 2) [px] twice -> (..., 3) [units]; NaN stays NaN."""
         a, b = as_points(pixels_left, key="left"), as_points(pixels_right, key="right")
         found = self.triangulate_points(a.reshape(-1, 2), b.reshape(-1, 2))

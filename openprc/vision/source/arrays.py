@@ -21,7 +21,7 @@ class ArrayImages:
     container = "array"
     path = None
     orientation = 0
-    value_range = None
+    value_range: tuple[float, float] | None = None
 
     def __init__(
         self, images: Sequence[NDArray[Any]] | NDArray[Any], times: NDArray[np.float64], fps: float

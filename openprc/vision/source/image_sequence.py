@@ -44,7 +44,7 @@ class ImageSequence:
 
     kind = "images"
     orientation = 0
-    value_range = None
+    value_range: tuple[float, float] | None = None
 
     def __init__(
         self,

@@ -32,7 +32,7 @@ class ImageStack:
 
     kind = "images"
     orientation = 0
-    value_range = None
+    value_range: tuple[float, float] | None = None
 
     def __init__(self, path: Path, *, fps: float | None) -> None:
         self.path: Path | None = safety.check_readable(path)

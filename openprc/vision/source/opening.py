@@ -33,7 +33,8 @@ def open_source(source_or_path: Any, **options: Any) -> VideoSource:
                 expected="options on opening",
                 fix="pass them where the source is made",
             )
-        return source_or_path
+        opened: VideoSource = source_or_path
+        return opened
     if isinstance(source_or_path, list | tuple) and all(
         isinstance(item, str | Path) for item in source_or_path
     ):

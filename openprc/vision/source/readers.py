@@ -22,10 +22,13 @@ class Reader(Protocol):
     declared_fps: float
     frame_count: int
     orientation: int
-    path: Path | None
     value_range: tuple[float, float] | None
     notes: list[str]
     faults: list[str]
+
+    @property
+    def path(self) -> Path | None:
+        """The file or folder, None for images in memory."""
 
     def files(self) -> list[Path]:
         """Return the files that hold the recording; none for images in memory."""
@@ -39,7 +42,7 @@ class Reader(Protocol):
 
 def open_reader(path: str | Path | Sequence[str | Path], *, fps: float | None) -> Reader:
     """Return the reader for a path, by what stands there, or for a list of images."""
-    if isinstance(path, list | tuple):
+    if not isinstance(path, str | Path):
         listed = [Path(name) for name in path]
         folder = listed[0].parent if listed else Path()
         return ImageSequence(listed, folder=folder, fps=fps, ordered=True)

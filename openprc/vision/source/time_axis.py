@@ -183,8 +183,10 @@ def _times(
         rate = fps or declared
         return index, "a single frame", 1.0 / rate if rate else None, []
     faults: list[str] = []
-    # A stamp of 0 anywhere but at the start stands for "unknown".
-    given &= ~((stamps == 0) & (index > 0))
+    # A stamp of 0 behind others stands for "unknown"; so do stamps that are all the same.
+    given &= ~((stamps == 0) & (np.fmax.accumulate(stamps) > 0))
+    if given.any() and np.ptp(stamps[given]) == 0:
+        given[1:] = False
     known = stamps[given]
     grid = fit_grid(known, declared) if len(known) >= 2 else None
     places = _places(grid, given) if grid is not None else None

@@ -36,7 +36,7 @@ class VideoFile:
     """
 
     kind = "video"
-    value_range = None
+    value_range: tuple[float, float] | None = None
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -65,7 +65,8 @@ class VideoFile:
             self.notes.append(f"OpenCV reduces the {depth}-bit pixels of this video to 8 bit")
         self.failed = self.odd = 0
         self._avi = read_index(path) if self.container == "AVI" else None
-        if self._avi is not None and not self._avi.lost:
+        # Files beyond 1 GiB have an index for each part: this one has to cover all frames.
+        if self._avi and (not self._avi.lost or self._avi.total != self.frame_count):
             self._avi = None
         if self.orientation:
             self.notes.append(
@@ -91,7 +92,7 @@ class VideoFile:
         if self._plain:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         watch = SizeWatch(self.path) if self.codec.upper() in CODECS else None
-        decoded, failed, gone = 0, 0, 0
+        decoded, failed, gone, latest = 0, 0, 0, 0.0
         try:
             while True:
                 # A failure is not the end: behind damaged frames there may be good ones.
@@ -114,7 +115,8 @@ class VideoFile:
                 # Right after a frame is taken this is its own stamp.
                 stamp = float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
                 # MPEG program streams have frames without one, and 0 is reported for them.
-                yield image, self._placed(stamp) if stamp or decoded == 1 else np.nan
+                latest = max(latest, stamp)
+                yield image, self._placed(stamp) if stamp or not latest else np.nan
         finally:
             capture.release()
             if watch is not None:

@@ -95,6 +95,32 @@ class WaveMotion:
         return x - size * np.sin(wave * x), y - size * np.sin(wave * y)
 
 
+@dataclass(frozen=True, eq=False)
+class TileMotion:
+    """Square tiles, each a window that stands still, behind which a patch shifts as a whole.
+
+    Points keep their tile as long as they stay within it.
+
+    Parameters
+    ----------
+    shifts : (T, rows, columns, 2) [px]
+        Of every frame, zero in frame 0.
+    side : float [px]
+        Of a tile; the first has its corner at the origin.
+    """
+
+    shifts: Values
+    side: float
+
+    def back(self, x: Values, y: Values, k: float) -> tuple[Values, Values]:
+        """Return the places in frame 0 for a whole `k`; see `Motion`."""
+        shift = self.shifts[round(k)]
+        row = np.clip(y // self.side, 0, shift.shape[0] - 1).astype(np.intp)
+        column = np.clip(x // self.side, 0, shift.shape[1] - 1).astype(np.intp)
+        here = shift[row, column]
+        return x - here[..., 0], y - here[..., 1]
+
+
 def forward(motion: Motion, points: Values, k: float) -> Values:
     """Return where points (N, 2) [px] of frame 0 are in frame `k`.
 

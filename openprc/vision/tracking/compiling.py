@@ -17,14 +17,8 @@ _OPTIONS: dict[str, Any] = {
 
 
 def inner(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function into those that call it."""
-    compiled: Callable[..., Any] = numba.njit(**_OPTIONS)(function)
-    return compiled
-
-
-def part(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function that is called from compiled functions only."""
-    compiled: Callable[..., Any] = numba.njit(nogil=True, **_OPTIONS)(function)
+    compiled: Callable[..., Any] = numba.njit(**_OPTIONS)(function)
     return compiled
 
 

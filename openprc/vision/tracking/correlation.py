@@ -36,7 +36,7 @@ __all__ = [
 _FREE = {"translation": 2, "affine": 6, "quadratic": 12, "auto": 6}
 #: Significance, in units of the noise, up to which deformation and curvature are taken for noise.
 PENALTY_DEFORMATION = 7.0
-PENALTY_CURVATURE = 12.0
+PENALTY_CURVATURE = 14.0
 
 
 class _Out(NamedTuple):
@@ -94,7 +94,7 @@ class Correlator:
     the noise, the deformation of the guess is kept. What is found of curvature and deformation
     is then drawn towards zero by the factor 1 - (c s² / w)², zero below w = c s², with w their
     significance in units of the noise s², much as the estimator of James and Stein does it
-    (doi:10.1007/978-1-4612-0919-5_30). The position follows, continuously in the data.
+    (doi:10.1007/978-1-4612-0919-5_30). The position follows without a jump.
 
     ``sigma`` is of the whole error of a position: half of its square comes from the noise of the
     template, which is the same in all frames, half from that of the image. For "auto", where

@@ -65,6 +65,7 @@ class FrameSearch:
         templates: NDArray[np.intp] | None = None,
         floor: NDArray[np.float64] | float = 0.0,
         steps_from: NDArray[np.float64] | None = None,
+        within: float = np.inf,
     ) -> None:
         """Refine `points` (n,) from `guess` (n, 6), and keep those that are accepted.
 
@@ -76,6 +77,8 @@ class FrameSearch:
             Least quality, beyond what the correlator asks for.
         steps_from : (n, 2) [px], optional
             Positions in the frame before, for the limit on the step.
+        within : float [px]
+            Farthest from the guess, where that is less than the configuration's.
         """
         known = np.isfinite(guess).all(axis=1)
         points, guess = points[known], guess[known]
@@ -85,6 +88,8 @@ class FrameSearch:
         refined = self.correlator.refine(self.image, templates, guess)
         kept = self.acceptable(refined, guess)
         kept &= refined.zncc >= (floor if np.isscalar(floor) else np.asarray(floor)[known])
+        if np.isfinite(within):
+            kept &= np.linalg.norm(refined.positions - guess[:, :2], axis=1) <= within
         if steps_from is not None and self.config.max_step is not None:
             step = np.linalg.norm(refined.positions - steps_from[known], axis=1)
             kept &= step <= self.config.max_step

@@ -73,6 +73,7 @@ class PyramidalKLT:
         *,
         last_step: float = 0.0,
         guess: NDArray[np.float64] | None = None,
+        back: bool = True,
     ) -> Step:
         """Follow `points` (n, 2) [px] from `before` to `after`.
 
@@ -84,6 +85,8 @@ class PyramidalKLT:
             How far points moved last, for the choice of pyramid levels.
         guess : (n, 2) [px], optional
             Where to begin the search; at `points` where left out.
+        back : bool
+            Follow them back as well; `fb_error` is inf otherwise.
         """
         cv2 = load_cv2()
         n = len(points)
@@ -114,7 +117,7 @@ class PyramidalKLT:
         # not taken for it.
         arrived = (found[:, 0] == 1) & within
         fb_error = np.full(n, np.inf)
-        if arrived.any():
+        if back and arrived.any():
             ends = there[arrived]
             if guess is None:
                 back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, ends, None, **settings)

@@ -28,6 +28,9 @@ from openprc.vision.tracking.wide_search import wide_search
 if TYPE_CHECKING:
     from openprc.vision.source.frame import Frame
 
+#: Quality, compared with the usual, and distance [px] from where Lucas-Kanade leads, of points that
+#: need not be followed back.
+_AS_EVER, _RIGHT_THERE = 0.98, 1.0
 #: A lost point must match this well, compared with what it usually does.
 _RETURN_QUALITY = 0.85
 #: Frames for which a lost point is taken to go on as it did.
@@ -98,10 +101,13 @@ class RefinedTracks:
     ) -> NDArray[np.bool_]:
         """Find the points seen in the last frame; return which failed the way back (N,)."""
         state = self._state
+        everyone = len(live)
+        self._follow_plainly(search, frame, live)
+        live = live[~search.found[live]]
         start = state.warps[live, :2]
         step = self._klt.step(self._before, frame.grey, start, last_step=self._last_step)
         trusted = step.fb_error <= self.config.fb_threshold
-        if len(live) and trusted.mean() < 0.5 and self._last_step <= FAST_STEP:
+        if np.count_nonzero(~trusted) > everyone / 2 and self._last_step <= FAST_STEP:
             # Most went astray: a jolt, for which the pyramid was too low.
             step = self._second_try(frame, start, step, trusted)
             trusted = step.fb_error <= self.config.fb_threshold
@@ -137,6 +143,29 @@ class RefinedTracks:
         drifted = np.zeros(len(state.reference), bool)
         drifted[live] = step.found & ~trusted
         return drifted & ~search.found
+
+    def _follow_plainly(self, search: FrameSearch, frame: Frame, live: NDArray[np.intp]) -> None:
+        """Find the points (n,) that match as well as ever right where Lucas-Kanade leads.
+
+        The match is a stricter check than the way back, which is left to all others.
+        """
+        state = self._state
+        live = live[np.isfinite(state.usual[live])]
+        if not len(live):
+            return
+        start = state.warps[live, :2]
+        step = self._klt.step(
+            self._before, frame.grey, start, last_step=self._last_step, back=False
+        )
+        guess = state.warps[live]
+        guess[:, :2] = step.positions
+        search.attempt(
+            live[step.found],
+            guess[step.found],
+            floor=_AS_EVER * state.usual[live[step.found]],
+            steps_from=start[step.found],
+            within=_RIGHT_THERE,
+        )
 
     def _second_try(
         self, frame: Frame, start: NDArray[np.float64], step: Step, trusted: NDArray[np.bool_]

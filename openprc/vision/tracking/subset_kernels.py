@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from openprc.vision.tracking.compiling import inner, kernel, part
+from openprc.vision.tracking.compiling import inner, kernel
 
 ACCEPTED, NO_TEMPLATE, LEFT_IMAGE, NOT_CONVERGED, BELOW_GATE, SINGULAR = range(6)
 #: Sums that `_measure` makes: of g, g², g f, and of g times every column of the Jacobian.
@@ -241,13 +241,12 @@ def search_boxes(ids, guesses, store, shape, margin, boxes):
             boxes[n, 3] = min(int(reach[3] + margin) + 1, height - 1)
 
 
-@part
+@inner
 def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
     """Move a warp until it stays where it is.
 
-    Return the reason for the end, the residual's sum of squares, the spread of the image's values
-    over that of the template's, ZNCC, and the number of iterations. Right sides of the last normal
-    equations are left in `work`.
+    Return the reason for the end, the residual's sum of squares, the gain of the light, ZNCC, and
+    the number of iterations. Right sides of the last normal equations are left in `work`.
     """
     most, tolerance, max_shift = limits
     height, width = shape
@@ -310,7 +309,7 @@ def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
     return NOT_CONVERGED, rest, scale, zncc, most
 
 
-@part
+@inner
 def _bent(b, rest, store, t, step, penalty):
     """Say whether the residual of an affine match shows more curvature than noise makes."""
     by_affine = _solve(store.to_affine[t], b, 6, step)
@@ -323,9 +322,9 @@ def _bent(b, rest, store, t, step, penalty):
 def refine(c, shape, ids, guesses, boxes, store, options, table, out):
     """Match templates, starting from guesses; `out` holds what is said where nothing is found.
 
-    `options`: free parameters; whether noise decides on them (from six on); limits of the
-    iteration (their number, tolerance and longest way [px]); way of the window's pixels for a unit
-    of each parameter; penalties of deformation and of curvature.
+    `options`: free parameters; whether noise decides on them; limits of the iteration (number,
+    tolerance and longest way [px]); way of the window's pixels for a unit of each parameter;
+    penalties of deformation and of curvature.
     """
     start, weighed, limits, way, penalty_a, penalty_q = options
     side = store.values.shape[1]
@@ -375,8 +374,7 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
         # of the image over the gain, of which interpolation has left a part in the residual.
         residual = rest / scale**2 / (side * side - 2 - free)
         left = _interpolated_noise(warp, store.offset[t], side, table)
-        noise = residual * (1.0 + 1.0 / scale**2) / (1.0 + left / scale**2)
-        noise = max(noise, store.floor[t])
+        noise = max(residual * (scale**2 + 1.0) / (scale**2 + left), store.floor[t])
         # What is weighed against noise is not to change with the light.
         variance = max(residual * 2.0 / (1.0 + left), 1e-300)
         cost_a, cost_q = 1.0, 1.0
