@@ -50,7 +50,11 @@ def command(
     present input alone, and echo state networks of equal size.
     """
     # scikit-learn takes seconds to import; the help of this command need not wait for it.
-    from openprc.analysis.benchmarks.choices import choose_input, open_trainer  # noqa: PLC0415
+    from openprc.analysis.benchmarks.choices import (  # noqa: PLC0415
+        choose_input,
+        left_out_remark,
+        open_trainer,
+    )
     from openprc.analysis.benchmarks.standard_suite import StandardSuite  # noqa: PLC0415
 
     written: list[Path] = []
@@ -73,6 +77,7 @@ def command(
             "row_step": trainer.rows.step,
             "input": None if chosen is None else f"{chosen.name}/{chosen.column}",
             "features": repr(trainer.features),
+            "left_out": "" if options["features"] else left_out_remark(trainer.loader),
         }
     if as_json:
         print_json({**told, **suite.as_dict(), "written": [str(one) for one in written]})
@@ -87,6 +92,8 @@ def _show(told: dict[str, Any], suite: SuiteScore, written: list[Path]) -> None:
         f"input {told['input'] or 'unknown'}, features: {_short(told['features'])}",
         markup=False,
     )
+    if told["left_out"]:
+        out.print(f"note: {told['left_out']}", markup=False)
     if "dimension" in suite.scores:
         m = suite.scores["dimension"].metrics
         out.print(

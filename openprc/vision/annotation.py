@@ -186,7 +186,7 @@ class _Painter:
         steps = list(self._trail)
         for count, (before, after) in enumerate(pairwise(steps)):
             share = (count + 1) / len(steps)
-            mixed = (1 - share) * np.array((60, 60, 60)) + share * np.array((200, 150, 0))
+            mixed = (1 - share) * np.array((60, 60, 60)) + share * np.array((255, 190, 40))
             colour = tuple(int(c) for c in mixed)
             both = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
             ends = np.rint(np.stack([before[both], after[both]], axis=1) * 8).astype(np.int32)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from stereo_rigs import recording
 
 import openprc.vision as vision
 from openprc.errors import CalibrationError, UnitError
@@ -126,6 +129,8 @@ def test_unit_square():
     assert unit.to_physical([640.0, 480.0]).tolist() == [1.0, 1.0]
     assert unit.units == "1"
     assert "distances" in unit.notes[0]
+    up = vision.NormalizedCalibration((480, 640), y_up=True)
+    assert up.to_physical([[0.0, 480.0], [640.0, 0.0]]).tolist() == [[0.0, 0.0], [1.0, 1.0]]
     even = vision.NormalizedCalibration((480, 640), isotropic=True)
     assert even.to_physical([640.0, 480.0]).tolist() == [1.0, 0.75]
     assert even.notes == ()
@@ -299,3 +304,14 @@ def test_another_shape_is_told_loudly():
     assert check.calibration is cal
     assert "made for images of 1920x1080, the recording has 640x480" in check.warning
     assert "will be wrong" in check.warning
+
+
+def test_the_printed_call_warns_on_a_recording_of_another_shape():
+    times = np.arange(3) / 30.0
+    result = replace(recording(np.full((3, 2, 2), 320.0), times), frame_shape=(480, 640))
+    with pytest.warns(UserWarning, match="positions will be wrong"):
+        tset = vision.TrajectorySet.from_tracking_result(result, calibration=camera())
+    assert tset.units == "mm"
+    half = replace(result, frame_shape=(540, 960))
+    tset = vision.TrajectorySet.from_tracking_result(half, calibration=camera())
+    assert any("rescaled to the recording's 960x540" in note for note in tset.notes)

@@ -57,17 +57,18 @@ def test_a_lens_that_is_not_taken_out_shows():
 def test_sigma_of_the_map_is_that_of_many_calibrations():
     turn = rotation(25, 10, 5)
     _, pixels = seen(turn)
+    # Few points, so that it shows how many of them the fit uses up.
+    few = [0, 2, 5, 12, 14, 17, 24, 26, 29]
     rng = np.random.default_rng(5)
     probe = np.array([[150.0, 120.0], [320.0, 240.0], [430.0, 300.0]])
     found, told = [], []
-    for _ in range(300):
-        noisy = pixels + 0.2 * rng.standard_normal(pixels.shape)
-        plane = vision.PlanarTarget.from_points(noisy, GRID)
+    for _ in range(400):
+        noisy = pixels[few] + 0.2 * rng.standard_normal((9, 2))
+        plane = vision.PlanarTarget.from_points(noisy, GRID[few])
         found.append(plane.to_physical(probe))
         told.append(plane.calibration_sigma(probe))
     spread = np.std(found, axis=0)
-    assert np.sqrt(np.mean(np.square(told), axis=0)) == pytest.approx(spread, rel=0.15)
-    assert plane.rms == pytest.approx(0.2 * np.sqrt(2 * (60 - 8) / 60), rel=0.3)
+    assert np.sqrt(np.mean(np.square(told), axis=0)) == pytest.approx(spread, rel=0.12)
 
 
 def test_four_points_fit_exactly_and_say_so():

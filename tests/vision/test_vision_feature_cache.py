@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import subprocess
-import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -17,8 +15,6 @@ from openprc.vision.detection import cache, cache_file, registry
 from openprc.vision.detection.feature_map import PER_FEATURE
 from openprc.vision.opencv import load_cv2
 from openprc.vision.synth import cases
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "vision"
 
 
 @pytest.fixture(scope="module")
@@ -203,6 +199,22 @@ def test_a_damaged_sidecar_is_noted_and_replaced(clip, sidecar, detections, dama
     assert clean.notes == []
 
 
+def test_of_a_file_with_one_damaged_map_the_others_are_kept(clip, sidecar, detections):
+    source = VideoSource(clip)
+    image = source.read_frame(0)
+    for corners in (10, 20):
+        FeatureMapCache(source).get_or_detect(image, "gftt", max_corners=corners)
+    with h5py.File(sidecar, "r+") as file:
+        (name,) = (name for name in file if len(file[name]["sizes"]) == 10)
+        del file[name]["sizes"]
+    FeatureMapCache(source).get_or_detect(image, "gftt", max_corners=30)
+    with h5py.File(sidecar) as file:
+        assert sorted(len(group["sizes"]) for group in file.values()) == [20, 30]
+    kept = FeatureMapCache(source)
+    kept.get_or_detect(image, "gftt", max_corners=20)
+    assert (len(detections), kept.notes) == (3, [])
+
+
 def foreign_hdf5(path):
     with h5py.File(path, "w") as file:
         file.attrs["content_hash"] = "abc"
@@ -322,45 +334,42 @@ def test_a_detector_registered_by_a_script_is_asked_every_time(clip, sidecar, mo
     assert not sidecar.exists()
 
 
-WORKER = """
-import sys
-from openprc.vision import FeatureMapCache, VideoSource
-path, first = sys.argv[1], int(sys.argv[2])
-source = VideoSource(path)
-for corners in range(first, first + 6):
-    kept = FeatureMapCache(source)
-    found = kept.get_or_detect(source.read_frame(0), "gftt", max_corners=corners)
-    if len(found) != corners or kept.notes:
-        sys.exit(f"{corners}: {len(found)} {kept.notes}")
-"""
+class Plain:
+    """A plugin's detector without words for itself."""
+
+    def __init__(self, size=3, places=None):
+        self.size, self.places = size, places
+
+    def detect(self, image):
+        return [(20.0 + self.size, 20.0)]
 
 
-def test_two_processes_at_once_never_leave_a_broken_file(clip, sidecar):
-    command = [sys.executable, "-c", WORKER, str(clip)]
-    running = [
-        subprocess.Popen([*command, first], stderr=subprocess.PIPE, text=True)
-        for first in ("10", "13")
-    ]
-    problems = [process.communicate()[1] for process in running]
-    assert problems == ["", ""]
-    with h5py.File(sidecar) as file:
-        assert 1 <= len(file) <= 9
-        for group in file.values():
-            assert len(group["keypoints"]) == len(group["responses"])
-    assert sorted(p.name for p in clip.parent.iterdir()) == [clip.name, sidecar.name]
-
-
-@pytest.mark.skipif(not DATA.is_dir(), reason="the shared recordings are not there")
-def test_a_real_recording_is_detected_once(detections, tmp_path):
-    path = DATA / "mechanism_ffv1.avi"
-    before = hashlib.sha256(path.read_bytes()).hexdigest()
+def test_a_detector_of_a_plugin_is_kept_by_its_plain_settings(clip, detections, monkeypatch):
+    item = SimpleNamespace(
+        name="plain", qualified_name="openprc-x/plain", version="1",
+        spec=SimpleNamespace(load=f"{__name__}:Plain"),
+    )  # fmt: skip
+    hook = SimpleNamespace(records=lambda _hook: [item], find=lambda _hook, _name: item)
+    monkeypatch.setattr(registry, "default_registry", lambda: hook)
+    source = VideoSource(clip)
+    for settings in ({}, {}, {"size": 4}, {"size": 4}):
+        FeatureMapCache(source).get_or_detect(source.read_frame(0), "plain", **settings)
+    assert len(detections) == 2
     for _ in range(2):
-        source = VideoSource(path)
-        found = FeatureMapCache(source, cache_dir=tmp_path).get_or_detect(
-            source.read_frame(0), method="sift", contrast_threshold=0.04
-        )
-    best = found.top_n(200)
-    assert len(detections) == 1
-    assert len(best) == 200
-    assert len(np.unique(best.keypoints, axis=0)) == 200
-    assert hashlib.sha256(path.read_bytes()).hexdigest() == before
+        FeatureMapCache(source).get_or_detect(source.read_frame(0), "plain", places=np.zeros(5000))
+    assert len(detections) == 4
+    item.version = "2"
+    FeatureMapCache(source).get_or_detect(source.read_frame(0), "plain")
+    assert len(detections) == 5
+
+
+def test_what_is_wrong_with_the_environment_is_told_only_while_it_is(clip, monkeypatch):
+    source = VideoSource(clip)
+    for module in (cache, registry):
+        monkeypatch.setattr(module, "conflict_note", lambda: "two wheels")
+    for _ in range(2):
+        found = FeatureMapCache(source).get_or_detect(source.read_frame(0), "gftt")
+        assert found.notes == ("two wheels",)
+    for module in (cache, registry):
+        monkeypatch.setattr(module, "conflict_note", lambda: None)
+    assert FeatureMapCache(source).get_or_detect(source.read_frame(0), "gftt").notes == ()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from video_clips import image, write_clip
@@ -47,6 +50,14 @@ def test_images_that_are_made_on_demand_are_not_made_in_advance():
     assert Drawn.made <= 2
     np.testing.assert_array_equal(source.read_frame(17), image(17))
     assert Drawn.made <= 3
+
+
+def test_import_loads_no_opencv():
+    code = (
+        "import sys, openprc.vision.source;"
+        "sys.exit(bool({'cv2', 'numba', 'scipy'} & sys.modules.keys()))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_times_may_be_given():

@@ -186,7 +186,7 @@ def _draw_alive(axes: Axes, result: TrackingResult) -> None:
         axes.set_xlim(times[0], times[-1])
     axes.set_title(f"found at the end: {found[-1]:.0f} % of {status.shape[1]}", fontsize=10)
     if len(axes.lines) > 1:
-        axes.legend(fontsize=8, loc="lower left", framealpha=0.85)
+        axes.legend(fontsize=8, loc="best", framealpha=0.85)
     axes.grid(alpha=0.25)
 
 
@@ -196,10 +196,14 @@ def _draw_quality(axes: Axes, values: NDArray[Any]) -> None:
     if not known.size:
         _say_none(axes, "no correlation: refine is none")
         return
-    low = float(np.floor(20.0 * np.percentile(known, 0.1)) / 20.0)
+    # What is below the lowest thousandth is counted into the first bin.
+    low = 1.0 - 1.05 * max(1.0 - float(np.percentile(known, 0.1)), 1e-4)
     weights = np.full(known.size, 100.0 / known.size)
-    axes.hist(np.clip(known, low, 1.0), bins=np.linspace(min(low, 0.95), 1.0, 51),
-              weights=weights, color="#0072b2")  # fmt: skip
+    bins = np.linspace(low, 1.0, 41)
+    axes.hist(np.clip(known, low, 1.0), bins=bins, weights=weights, color="#0072b2")
+    axes.set_xlim(low, 1.0)
+    axes.locator_params(axis="x", nbins=5)
+    axes.ticklabel_format(axis="x", useOffset=False)
     middle = float(np.median(known))
     axes.axvline(middle, color="black", linewidth=1.0, linestyle="--")
     axes.set_title(f"quality: median {middle:.4f}", fontsize=10)

@@ -81,9 +81,6 @@ def read_opencv_file(path: str | Path) -> dict[str, Any]:
     if not start.startswith(("%YAML", "<?xml", "<open", "{")):
         # ROS writes YAML without the heading that OpenCV 4 asks for.
         text = "%YAML:1.0\n---\n" + text
-    elif start == "%YAML":
-        # OpenCV 5 writes another version number, which OpenCV 4 does not read.
-        text = "%YAML:1.0\n" + text.lstrip().partition("\n")[2]
     cv2 = load_cv2()
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from openprc import __version__
 from openprc.vision.detection.cache_file import CacheFile
+from openprc.vision.detection.detectors import OpenCVDetector
 from openprc.vision.detection.feature_map import FeatureMap
 from openprc.vision.detection.images import grey_image, mask_image
 from openprc.vision.detection.registry import detect, get_detector, identity
-from openprc.vision.opencv import load_cv2
+from openprc.vision.opencv import conflict_note, load_cv2
 
 SUFFIX = ".fmap.h5"
 
@@ -33,7 +34,7 @@ class FeatureMapCache:
     beside the folder of images; where that place cannot be written, or holds a file of that
     name that is not ours, in the user's cache folder, with a note. A detector that was
     registered with `register_detector` is asked every time, because its code may change without
-    a sign.
+    a sign; so is a plugin's whose settings are more than plain numbers and texts.
 
     Parameters
     ----------
@@ -70,8 +71,8 @@ class FeatureMapCache:
         grey, told = self._grey(image)
         allowed = None if mask is None else mask_image(mask, grey.shape)
         detector = get_detector(method, **settings)
-        kind = identity(method)
-        if kind is None:
+        kind, said = identity(method), _said(detector, settings)
+        if kind is None or said is None:
             anew = detect(grey, method, mask=allowed, ref_frame_index=ref_frame_index, **settings)
             return replace(anew, notes=(*told, *anew.notes))
         key = {
@@ -81,7 +82,7 @@ class FeatureMapCache:
             "pixels": hashlib.sha256(grey.tobytes()).hexdigest(),
             "mask": None if allowed is None else hashlib.sha256(allowed.tobytes()).hexdigest(),
             "detector": kind,
-            "settings": repr(detector) if not settings or _says_all(detector) else repr(settings),
+            "settings": said,
             "opencv": load_cv2().__version__,
             "openprc": __version__,
         }
@@ -94,10 +95,13 @@ class FeatureMapCache:
                 self._tell(*file.notes)
         if made is None:
             made = detect(grey, method, mask=allowed, ref_frame_index=ref_frame_index, **settings)
-            made = replace(made, notes=(*told, *made.notes))
+            # What is wrong with the environment today is not kept.
+            lasting = tuple(note for note in made.notes if note != conflict_note())
+            made = replace(made, notes=(*told, *lasting))
             self._write(files, name, key, made)
         self._memory[name] = made
-        return replace(made, notes=(*made.notes, *self.notes))
+        today = (conflict_note(),) if conflict_note() else ()
+        return replace(made, notes=(*made.notes, *today, *self.notes))
 
     def _grey(self, image: ArrayLike) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
         from openprc.vision.source.interlacing import looks_like_mosaic  # noqa: PLC0415 - light
@@ -162,6 +166,11 @@ def user_cache_folder() -> Path | None:
     return caches / "openprc" / "features"
 
 
-def _says_all(detector: Any) -> bool:
-    """Whether the detector's words hold its settings, and no address in memory."""
-    return callable(getattr(detector, "features", None))
+def _said(detector: Any, settings: dict[str, Any]) -> str | None:
+    """Return all settings in words, defaults included where known; None where words fail."""
+    if isinstance(detector, OpenCVDetector):
+        return repr(detector)
+    try:
+        return json.dumps(settings, sort_keys=True)
+    except TypeError:
+        return None

@@ -31,7 +31,6 @@ __all__ = [
     "estimate_noise",
 ]
 
-
 #: Free parameters of each model; "auto" may go on to twelve, or back to two.
 _FREE = {"translation": 2, "affine": 6, "quadratic": 12, "auto": 6}
 #: Significance, in units of the noise, up to which deformation and curvature are taken for noise.

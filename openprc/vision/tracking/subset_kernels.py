@@ -1,12 +1,10 @@
 """The inner loops of subset matching.
 
-Twelve warp parameters in this order: px, py, a, b, c, d, and the curvatures xx, xy, yy of either
-coordinate. The point of a template at (dx, dy) from its tracked point is looked for at
+The warp parameters are px, py, a, b, c, d, q0 ... q5, of which two, six or twelve are free. The
+point of a template at (dx, dy) from its tracked point is looked for at
 
     x = px + (1 + a) dx + b dy + q0 dx² + q1 dx dy + q2 dy²
     y = py + c dx + (1 + d) dy + q3 dx² + q4 dx dy + q5 dy²
-
-The first two, six or all twelve are free: translation, affine, quadratic.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - compiled: types are those of the caller.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError
-from openprc.vision.trajectories.runs import median_step, neighbours
+from openprc.vision.trajectories.runs import median_step, neighbours, where_present
 
 GapMethod = Literal["linear", "pchip", "cubic"]
 
@@ -117,7 +117,7 @@ def fill_gaps(
             fix="give the longest gap that may be filled",
             key="max_gap",
         )
-    present = ~np.isnan(positions).any(axis=2)
+    present = where_present(positions)
     lengths = gap_lengths(present, times)
     limit = int(lengths.max(initial=0)) if max_gap is None else int(max_gap)
     wanted = (lengths > 0) & (lengths <= limit)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError, MissingData
+from openprc.vision.trajectories.runs import where_present
 
 MotionModel = Literal["translation", "rigid", "similarity"]
 
@@ -75,7 +76,7 @@ def motion_snr(
             fix="track with refine='icgn', which estimates it",
             key="sigma",
         )
-    known = (np.isfinite(positions).all(axis=2) & np.isfinite(sigma).all(axis=2))[..., np.newaxis]
+    known = (where_present(positions) & np.isfinite(sigma).all(axis=2))[..., np.newaxis]
     count = known.sum(axis=0)
     values = np.where(known, positions, 0.0)
     mean = values.sum(axis=0) / np.maximum(count, 1)
@@ -142,7 +143,7 @@ def camera_motion(
             key="static",
         )
     still = positions[:, index]
-    enough = np.isfinite(still).all(axis=2).sum(axis=1) >= need
+    enough = where_present(still).sum(axis=1) >= need
     if not enough.any():
         raise MissingData(
             f"no frame shows {need} of the {len(index)} still points",
@@ -171,7 +172,7 @@ def find_static(
     spread = _spreads(positions)
     known = np.flatnonzero(np.isfinite(spread))
     # The calmest ones of those that are seen throughout: a point seen twice looks calm, too.
-    present = np.isfinite(positions).all(axis=2).mean(axis=0)
+    present = where_present(positions).mean(axis=0)
     known = known[present[known] >= 0.5 * present.max(initial=0.0)]
     count = min(len(known), max(need + 1, int(np.ceil(_CALM * len(known)))))
     chosen = known[np.argsort(spread[known], kind="stable")[:count]]
@@ -179,7 +180,7 @@ def find_static(
         if len(chosen) < need:
             break
         still = positions[:, chosen]
-        enough = np.isfinite(still).all(axis=2).sum(axis=1) >= need
+        enough = where_present(still).sum(axis=1) >= need
         if not enough.any():
             break
         undone = _undo(positions[enough], *_common_motion(still[enough], model, _SEARCH_ROUNDS))
@@ -195,7 +196,7 @@ def find_static(
 
 def _spreads(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rms distance of each point from its mean, (N,); NaN where never seen."""
-    seen = np.isfinite(positions).all(axis=2)[..., np.newaxis]
+    seen = where_present(positions)[..., np.newaxis]
     count = seen.sum(axis=0)
     mean = np.where(seen, positions, 0.0).sum(axis=0) / np.maximum(count, 1)
     square = (np.where(seen, positions - mean, 0.0) ** 2).sum(axis=(0, 2))
@@ -204,7 +205,7 @@ def _spreads(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _scatter(positions: NDArray[np.float64]) -> float:
     """Return the rms distance of all points from their own means."""
-    seen = np.isfinite(positions).all(axis=2)
+    seen = where_present(positions)
     count = seen.sum(axis=0)
     spread = np.nan_to_num(_spreads(positions))
     return float(np.sqrt((spread**2 * count).sum() / max(1, int(count.sum()))))
@@ -223,7 +224,7 @@ def _common_motion(still: NDArray[np.float64], model: MotionModel, rounds: int =
     for _ in range(rounds):
         scale, turn, shift = _fit(shape, still, model)
         back = _undo(still, scale, turn, shift)
-        seen = np.isfinite(back).all(axis=2)[..., np.newaxis]
+        seen = where_present(back)[..., np.newaxis]
         mean = np.where(seen, back, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
         mean = np.where(seen.any(axis=0), mean, np.nan)
         change = np.nanmax(np.abs(mean - shape), initial=0.0)
@@ -240,14 +241,14 @@ def _common_motion(still: NDArray[np.float64], model: MotionModel, rounds: int =
 
 
 def _first_seen(still: NDArray[np.float64]) -> NDArray[np.float64]:
-    seen = np.isfinite(still).all(axis=2)
+    seen = where_present(still)
     first: NDArray[np.float64] = still[seen.argmax(axis=0), np.arange(still.shape[1])]
     return first
 
 
 def _fit(shape: NDArray[np.float64], still: NDArray[np.float64], model: MotionModel) -> _Fit:
     n_frames, n_axes = len(still), still.shape[2]
-    seen = (np.isfinite(still).all(axis=2) & np.isfinite(shape).all(axis=1))[..., np.newaxis]
+    seen = (where_present(still) & np.isfinite(shape).all(axis=1))[..., np.newaxis]
     count = np.maximum(seen.sum(axis=1), 1)
     there = np.where(seen, still, 0.0)
     model_points = np.where(seen, shape, 0.0)

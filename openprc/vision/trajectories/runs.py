@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 HOLE = 1.5
 
 
+def where_present(positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell where points are there, (T, N), from positions (T, N, D) that are NaN elsewhere."""
+    present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=2))
+    return present
+
+
 def median_step(times: NDArray[np.float64]) -> float:
     """Return the usual time between frames [s], NaN for a single frame."""
     return float(np.median(np.diff(times))) if len(times) > 1 else float("nan")

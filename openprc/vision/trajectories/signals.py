@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError
-from openprc.vision.trajectories.runs import run_reach
+from openprc.vision.trajectories.runs import run_reach, where_present
 
 Component = Literal["x", "y", "z", "magnitude", "path"]
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -65,7 +65,7 @@ def component(
 
 def first_positions(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where each point was first seen, (N, D); NaN for one that never was."""
-    present = ~np.isnan(positions).any(axis=2)
+    present = where_present(positions)
     start: NDArray[np.float64] = positions[present.argmax(axis=0), np.arange(positions.shape[1])]
     return start
 
@@ -76,7 +76,7 @@ def path_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     NaN before that, and from the first gap on: what the way was meanwhile, nobody saw. Noise
     adds to it in every frame, so that the length of a point at rest grows, too.
     """
-    present = ~np.isnan(positions).any(axis=2)
+    present = where_present(positions)
     steps = np.zeros(present.shape)
     steps[1:] = np.linalg.norm(np.diff(positions, axis=0), axis=2)
     # Before the first sighting there is no way, and no gap either.
@@ -98,7 +98,7 @@ def velocities(positions: NDArray[np.float64], times: NDArray[np.float64]) -> ND
     out = np.full(positions.shape, np.nan)
     if len(times) < 2:
         return out
-    present = ~np.isnan(positions).any(axis=2)
+    present = where_present(positions)
     before, after = run_reach(present)
     steps = np.diff(times)
     slope = np.diff(positions, axis=0) / steps[:, np.newaxis, np.newaxis]

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openprc.errors import ConfigError
-from openprc.vision.trajectories.runs import is_uniform, median_step, run_reach, time_holes
+from openprc.vision.trajectories.runs import (
+    is_uniform,
+    median_step,
+    run_reach,
+    time_holes,
+    where_present,
+)
 
 SmoothingMethod = Literal["mean", "savgol"]
 
@@ -85,7 +91,7 @@ def smooth(
        doi:10.1021/ac60214a047
     """
     order = _check(window, method, polyorder)
-    present = ~np.isnan(positions).any(axis=2)
+    present = where_present(positions)
     before, after = run_reach(present, time_holes(times))
     half = (window - 1) // 2
     # Each sample has a window [start, start + 2 reach] of its run, evaluated at `at`.
