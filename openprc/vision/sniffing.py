@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from openprc.errors import OpenPRCError
+
 SUFFIXES = (".avi", ".mp4", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v", ".y4m", ".wmv")
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg", ".pgm")
 _NUMBERED = re.compile(r"\d")
@@ -48,9 +50,11 @@ def _folder(path: Path) -> float:
 
 
 def _high_speed(path: Path) -> float:
-    if path.suffix.lower() == ".mraw":
-        headers = (path.with_suffix(suffix) for suffix in (".cih", ".cihx", ".CIH", ".CIHX"))
-        return 0.7 if any(header.is_file() for header in headers) else 0.3
-    with path.open("rb") as stream:
-        head = stream.read(4096)
-    return 0.7 if b"Camera" in head or b"cih" in head else 0.3
+    from openprc.vision.source.raw_recording import RawRecording  # noqa: PLC0415 - kept light
+
+    try:
+        # Raw frames have nothing to be known by; their header says how large they are.
+        RawRecording(path)
+    except OpenPRCError:
+        return 0.3
+    return 0.7

@@ -116,6 +116,7 @@ def local_motion(
         normal += ridge * np.maximum(counts, 1)[:, None, None]
         enough = weights.sum(axis=1) > 0.5
         # Fewer than three neighbours leave a translation.
+        normal[counts < 3, 0, 1:] = 0.0
         normal[counts < 3, 1:, :] = np.eye(3)[1:]
         solved = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2) @ moved)
         solved[counts < 3, 1:] = 0.0

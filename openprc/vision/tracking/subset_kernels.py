@@ -16,8 +16,7 @@ import numpy as np
 from openprc.vision.tracking.compiling import inner, kernel
 
 ACCEPTED, NO_TEMPLATE, LEFT_IMAGE, NOT_CONVERGED, BELOW_GATE, SINGULAR = range(6)
-#: Sums that `_measure` makes: of g, g², g f, and of g times every column of the Jacobian.
-N_SUMS = 15
+N_SUMS = 15  # of g, g², g f, and of g times every column of the Jacobian
 #: A window may not shrink to less than this share of its area: nothing of it would be left.
 _SMALLEST = 0.1
 #: Single precision may put the outermost pixels of a window a little further out [px].

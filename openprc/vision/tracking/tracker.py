@@ -203,7 +203,12 @@ class Tracker:
         duplicated = tuple(step.index for step in steps if step.duplicate)
         if stopped:
             # What is missing was not read, which is no fault of the recording.
-            axis = TimeAxis.from_stamps(stamps, declared_fps=self.source.fps, duplicated=duplicated)
+            axis = TimeAxis.from_stamps(
+                stamps,
+                declared_fps=self.source.fps,
+                fps=self.source.asked_fps,
+                duplicated=duplicated,
+            )
         else:
             axis = self.source.time_axis(stamps, duplicated=duplicated)
         return TrackingResult.from_steps(
