@@ -56,12 +56,14 @@ def test_every_command_has_help_and_json(openprc, name):
     outcome = openprc(name, "--help")
     assert outcome.code == 0
     assert outcome.out.startswith(f"Usage: openprc {name} ")
-    assert "--json" in outcome.out
     command = cli.get_command(None, name)
     assert command.name == name
-    for parameter in command.params:
-        if isinstance(parameter, click.Option):
-            assert parameter.help, (name, parameter.name)
+    parts = command.commands if isinstance(command, click.Group) else {"": command}
+    for part, leaf in parts.items():
+        assert "--json" in openprc(name, *filter(None, [part]), "--help").out
+        for parameter in leaf.params:
+            if isinstance(parameter, click.Option):
+                assert parameter.help, (name, part, parameter.name)
 
 
 @pytest.mark.parametrize(
