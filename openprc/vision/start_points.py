@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from openprc.schema import safety
 from openprc.vision.import_settings import ImportSettings
 from openprc.vision.opencv import load_cv2
 
+if TYPE_CHECKING:
+    from openprc.vision.detection.feature_map import FeatureMap
+
+#: At least so many features are tried at once.
+_AT_ONCE = 256
 #: One-sigma [px] for noise of one grey level up to which a detected point is followed.
 _COARSEST = 0.3
 
@@ -118,13 +123,8 @@ def _detected(
         & (places[:, 1] <= height - 1 - margin)
     )
     spacing = settings.win_size / 2 if settings.spacing is None else settings.spacing
-    fit = found.select(inside)
-    if settings.refine == "icgn" and len(fit):
-        fit = fit.select(_can_be_matched(image, fit.keypoints, settings))
-    best = None
-    if len(fit):
-        best = fit.top_n(settings.max_points, by="trackability", min_distance=spacing)
-    if best is None or not len(best):
+    best = _best(found.select(inside), image, settings, spacing=spacing)
+    if not len(best):
         raise NoFeaturesError(
             f"the detector {settings.detector!r} finds no point in frame "
             f"{settings.reference_frame} that can be tracked",
@@ -135,6 +135,26 @@ def _detected(
             key="detector",
         )
     return np.asarray(best.keypoints, dtype=np.float64)
+
+
+def _best(
+    found: FeatureMap, image: NDArray[np.uint8], settings: ImportSettings, *, spacing: float
+) -> FeatureMap:
+    """Return the features that promise the best tracks, and around which a template can be cut."""
+    if settings.refine != "icgn":
+        rank = settings.max_points
+        return found.top_n(rank, by="trackability", min_distance=spacing) if len(found) else found
+    # Templates are cut for the best only: a large image has 100,000 features and more.
+    tried = max(settings.max_points, _AT_ONCE)
+    while len(found):
+        best = found.top_n(tried, by="trackability", min_distance=spacing)
+        usable = _can_be_matched(image, best.keypoints, settings)
+        if usable[: settings.max_points].all():
+            return best.select(np.arange(min(settings.max_points, len(best))))
+        # What cannot be matched makes room for what stands near it.
+        refused = best.keypoints[~usable] @ [1.0, 1j]
+        found = found.select(~np.isin(found.keypoints @ [1.0, 1j], refused))
+    return found
 
 
 def _can_be_matched(

@@ -28,11 +28,21 @@ def _rise(k: float) -> float:
     return 0.5 * (1.0 - np.cos(2.0 * np.pi * k / _CYCLE))
 
 
+def _reach(k: float) -> float:
+    """Return `_rise` for half a cycle, and 1 from then on: most frames are fully deformed."""
+    return _rise(min(k, _CYCLE / 2))
+
+
 def _centre(shape: tuple[int, int]) -> tuple[float, float]:
     return (shape[1] - 1) / 2.0, (shape[0] - 1) / 2.0
 
 
 def _turned(k: float) -> np.ndarray:
+    # To 5 deg and 3 % within a quarter of a cycle, and not back.
+    return _swung(min(k, _CYCLE / 4))
+
+
+def _swung(k: float) -> np.ndarray:
     swing = np.sin(2.0 * np.pi * k / _CYCLE)
     angle, stretch = np.deg2rad(5.0) * swing, 0.03 * swing
     c, s = np.cos(angle), np.sin(angle)
@@ -123,6 +133,10 @@ def _swaying(_shape: tuple[int, int]) -> Motion:
 
 
 def _folding(shape: tuple[int, int]) -> Motion:
+    return fold(lambda k: 0.12 * _reach(k), crease=_centre(shape)[0])
+
+
+def _flapping(shape: tuple[int, int]) -> Motion:
     return fold(lambda k: 0.12 * _rise(k), crease=_centre(shape)[0])
 
 
@@ -135,11 +149,15 @@ def _deforming(shape: tuple[int, int]) -> Motion:
     return affine(_turned, lambda k: 0.5 * _sway(k), centre=_centre(shape))
 
 
+def _swinging(shape: tuple[int, int]) -> Motion:
+    return affine(_swung, lambda k: 0.5 * _sway(k), centre=_centre(shape))
+
+
 CASES: dict[str, Callable[[tuple[int, int], int], _Parts]] = {
     "translation": _on_speckle(_swaying),
     "affine": _on_speckle(_deforming),
     "rotation": _on_speckle(
-        lambda s: rotation(lambda k: np.deg2rad(20.0) * _rise(k), centre=_centre(s))
+        lambda s: rotation(lambda k: np.deg2rad(20.0) * _reach(k), centre=_centre(s))
     ),
     "fold": _on_speckle(_folding),
     "crease": _on_speckle(_creasing),
@@ -162,6 +180,6 @@ CASES: dict[str, Callable[[tuple[int, int], int], _Parts]] = {
         hidden=True,
     ),
     "long": _on_speckle(_swaying),
-    "long-affine": _on_speckle(_deforming),
-    "long-miura-fold": _on_miura(_folding),
+    "long-affine": _on_speckle(_swinging),
+    "long-miura-fold": _on_miura(_flapping),
 }

@@ -162,6 +162,7 @@ class Correlator:
             guesses,
             boxes,
             store.arrays,
+            store.noise,
             (
                 free,
                 settings.model == "auto",

@@ -64,7 +64,7 @@ class RefineSettings:
     model: Model = "auto"
     max_iterations: int = 20
     tolerance: float = 1e-3
-    max_znssd: float = 0.2
+    max_znssd: float = 0.1
     max_sigma: float = 0.25
     max_shift: float = 8.0
 

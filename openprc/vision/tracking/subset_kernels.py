@@ -141,12 +141,8 @@ def _advance(warp, step, free):
     det = (1.0 + step[2]) * (1.0 + step[5]) - step[3] * step[4]
     if not det > _SMALLEST:
         return False
-    ixx, ixy, iyx, iyy = (
-        (1.0 + step[5]) / det,
-        -step[3] / det,
-        -step[4] / det,
-        (1.0 + step[2]) / det,
-    )
+    ixx, ixy = (1.0 + step[5]) / det, -step[3] / det
+    iyx, iyy = -step[4] / det, (1.0 + step[2]) / det
     ipx = -(ixx * step[0] + ixy * step[1])
     ipy = -(iyx * step[0] + iyy * step[1])
     wxx, wxy, wyx, wyy = 1.0 + warp[2], warp[3], warp[4], 1.0 + warp[5]
@@ -167,8 +163,7 @@ def _advance(warp, step, free):
 def _solve(inverse, b, free, step):
     """Step of the first `free` parameters; return by how much it lowers the squared residual."""
     explained = 0.0
-    for k in range(12):
-        step[k] = 0.0
+    step[:] = 0.0
     for k in range(free):
         total = 0.0
         for m in range(free):
@@ -265,12 +260,9 @@ def _iterate(c, shape, box, guess, warp, free, store, t, limits, way, work):
         if not square > _FLAT * energy:
             return BELOW_GATE, rest, scale, zncc, iteration + 1
         scale = np.sqrt(square / energy)
+        mean_j, value_j = store.mean_jacobian[t], store.value_jacobian[t]
         for k in range(12):
-            b[k] = (
-                sums[3 + k]
-                - sums[0] * store.mean_jacobian[t, k]
-                - product * store.value_jacobian[t, k]
-            )
+            b[k] = sums[3 + k] - sums[0] * mean_j[k] - product * value_j[k]
         if free == 2:
             explained = _solve(store.to_translation[t], b, 2, step)
         elif free == 6:
@@ -315,8 +307,14 @@ def _bent(b, rest, store, t, step, penalty):
     return _significance(store.weight_q[t], step[6:]) > penalty * variance
 
 
+@inner
+def _explains(rest, rest_q, expected):
+    """Say whether curvature explains most of what noise does not; of glare it explains little."""
+    return not (rest > 2.0 * expected and rest_q > 0.5 * (rest + expected))
+
+
 @kernel
-def refine(c, shape, ids, guesses, boxes, store, options, table, out):
+def refine(c, shape, ids, guesses, boxes, store, noise_before, options, table, out):
     """Match templates, starting from guesses; `out` holds what is said where nothing is found.
 
     `options`: free parameters; whether noise decides on them; limits of the iteration (number,
@@ -352,7 +350,9 @@ def refine(c, shape, ids, guesses, boxes, store, options, table, out):
                 count += more
                 # Twelve parameters may run away where six do not.
                 shift = np.hypot(bent[0] - warp[0], bent[1] - warp[1])
-                if ended == ACCEPTED and zncc_q >= zncc and shift < _BENT_SHIFT:
+                expected = (2.0 * noise_before[t] ** 2 + 1.0 / 6.0) * side * side
+                better = _explains(rest / scale**2, rest_q / scale_q**2, expected)
+                if ended == ACCEPTED and zncc_q >= zncc and shift < _BENT_SHIFT and better:
                     warp[:] = bent
                     rest, scale, zncc, free = rest_q, scale_q, zncc_q, 12
         elif weighed and reason in (NOT_CONVERGED, SINGULAR):

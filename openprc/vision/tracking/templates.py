@@ -14,6 +14,8 @@ from openprc.vision.tracking.uncertainty import GradientNoise, Gradients, Normal
 
 __all__ = ["TemplateArrays", "TemplateStore"]
 
+#: Windows that are worked on at once.
+BLOCK = 512
 #: Derivative of a Gaussian of 0.7 px, and the Gaussian across. Noise of the gradient is noise
 #: of the position, so the gradient by which differences are weighed is a smoothed one.
 _TAPS = np.arange(-2, 3)
@@ -136,6 +138,11 @@ class TemplateStore:
 
     def add(self, image: PreparedImage, points: NDArray[np.float64]) -> NDArray[np.intp]:
         """Cut out the windows around points; -1 where that cannot be done."""
+        # What is worked out on the way takes a hundred times the room of a window.
+        parts = [self._add(image, points[k : k + BLOCK]) for k in range(0, len(points), BLOCK)]
+        return np.concatenate(parts) if parts else np.zeros(0, np.intp)
+
+    def _add(self, image: PreparedImage, points: NDArray[np.float64]) -> NDArray[np.intp]:
         ids = np.full(len(points), -1, np.intp)
         side = self.subset
         height, width = image.shape
