@@ -13,7 +13,8 @@ import pytest
 from openprc.errors import MissingData
 from openprc.reservoir import StateLoader
 from openprc.schema import Provenance, Trajectory, TrajectoryWriter
-from openprc.vision import ArraySource, FeatureMapCache, VideoSource
+from openprc.vision import ArraySource, FeatureMapCache, VideoSource, detect
+from openprc.vision import start_points as module
 from openprc.vision.import_settings import ImportSettings
 from openprc.vision.producer import VisionProducer
 from openprc.vision.start_points import start_points
@@ -105,32 +106,68 @@ def test_gaps_of_a_run_are_refused_by_the_loader_until_something_is_said(clip, t
 # --- size ---
 
 
-def test_large_images_with_many_features_need_little_memory():
-    rng = np.random.default_rng(1)
-    image = cv2.GaussianBlur(rng.integers(0, 256, (900, 1200)).astype(np.uint8), (0, 0), 1.2)
-    settings = ImportSettings.from_options({"detector": "gftt", "max_points": 60})
-    Correlator().add_templates(Correlator().prepare(image[:60, :60]), np.array([[30.0, 30.0]]))
+def peak_of(work):
     tracemalloc.start()
     try:
-        found = start_points(image, settings, file=Path("clip.avi"))
-        peak = tracemalloc.get_traced_memory()[1]
+        result = work()
+        return result, tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+@pytest.fixture(scope="module")
+def grain():
+    """Return a large image with very many features."""
+    rng = np.random.default_rng(1)
+    image = rng.integers(0, 256, (900, 1200)).astype(np.uint8)
+    return cv2.GaussianBlur(image, (0, 0), 1.2)
+
+
+def test_large_images_with_many_features_need_little_memory(grain):
+    assert len(detect(grain, "gftt")) > 8000
+    settings = ImportSettings.from_options({"detector": "gftt", "max_points": 60})
+    found, peak = peak_of(lambda: start_points(grain, settings, file=Path("clip.avi")))
     assert len(found.places) == 60
-    # Windows of all 10,000 features and what belongs to them would be some 2 GB.
-    assert peak < 300 * 2**20
+    # The windows of all of them, and what belongs to these, would be 100 MB and more.
+    assert peak < 70 * 2**20
 
 
-def test_features_that_cannot_be_matched_make_room_for_their_neighbours(clip):
-    image = np.full((200, 260), 128, np.uint8)
-    image[60:160, 60:200] = next(iter(clip.frames()))[:100, :140]
-    settings = ImportSettings.from_options({"detector": "gftt", "max_points": 400, "spacing": 6.0})
-    places = start_points(image, settings, file=Path("clip.avi")).places
+def test_templates_are_cut_in_parts(grain):
+    x, y = np.meshgrid(np.arange(20.0, 1180, 16), np.arange(20.0, 880, 16))
+    points = np.column_stack([x.ravel(), y.ravel()])
     correlator = Correlator()
-    assert (correlator.add_templates(correlator.prepare(image), places) >= 0).all()
-    apart = np.linalg.norm(places[:, None] - places, axis=2) + 1e9 * np.eye(len(places))
-    assert apart.min() >= 6.0
-    assert len(places) > 50
+    image = correlator.prepare(grain)
+    numbers, peak = peak_of(lambda: correlator.add_templates(image, points))
+    assert sorted(numbers.tolist()) == list(range(len(points)))
+    alone = Correlator()
+    alone.add_templates(image, points[2000:2001])
+    moved = np.hstack([points[2000:2001] + 0.3, np.zeros((1, 4))])
+    whole = correlator.refine(image, numbers[2000:2001], moved)
+    single = alone.refine(image, np.array([0]), moved)
+    np.testing.assert_array_equal(whole.positions, single.positions)
+    # Worked on all at once they would need four times as much.
+    assert peak < 200 * 2**20
+
+
+def test_features_that_cannot_be_matched_make_room_for_others(grain, monkeypatch):
+    image = np.ascontiguousarray(grain[:200, :300])
+    settings = ImportSettings.from_options({"detector": "gftt", "max_points": 30, "spacing": 12})
+
+    def beginning():
+        return start_points(image, settings, file=Path("clip.avi")).places
+
+    whole = beginning()
+    best = whole[whole[:, 0] > 150]
+    assert 0 < len(best) < len(whole) == 30
+    monkeypatch.setattr(module, "_AT_ONCE", 1)
+    np.testing.assert_array_equal(beginning(), whole)
+    monkeypatch.setattr(module, "_can_be_matched", lambda image, places, _: places[:, 0] > 150)
+    places = beginning()
+    assert len(places) == 30
+    assert (places[:, 0] > 150).all()
+    # The best stay, but for those next to the border, where refused ones were in their way.
+    inner = best[best[:, 0] > 162]
+    assert set(map(tuple, inner)) <= set(map(tuple, places))
 
 
 def test_memory_of_a_run_does_not_grow_with_its_length(clip, tmp_path):
@@ -171,7 +208,7 @@ def test_no_window_is_opened_and_no_display_needed(video, tmp_path):
     )
     words = ["track", str(video), "--out", "läuf.h5", "--max-points", "4", "--refine", "none",
              "--qc", "güte.png", "--annotate", "日本.avi"]  # fmt: skip
-    done = subprocess.run(  # noqa: S603 - this interpreter
+    done = subprocess.run(
         [sys.executable, "-c", code, *words],
         cwd=tmp_path,
         env={"PATH": "", "PYTHONIOENCODING": "utf-8", "HOME": str(tmp_path)},
@@ -200,7 +237,7 @@ def test_signal_in_the_middle_keeps_what_is_finished(video, tmp_path):
     )
     words = ["track", str(video), "--out", "run.h5", "--max-points", "4", "--refine", "none",
              "--fps", "500"]  # fmt: skip
-    done = subprocess.run(  # noqa: S603 - this interpreter
+    done = subprocess.run(
         [sys.executable, "-c", code, *words],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip

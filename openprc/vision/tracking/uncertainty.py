@@ -30,6 +30,14 @@ _MOST_NOISE = 0.7
 #: Smallest eigenvalue, of M scaled to a unit diagonal, at which a step is determined; the same
 #: for the part of the position, over the largest.
 _SINGULAR = 1e-5
+#: The same for a window that shows its deformation, but not its curvature.
+_DEFORMS = 1e-2
+#: The same for a window that shows its position and nothing else: a dot, but not an edge.
+_ROUND = 0.1
+#: And how far [px] the point may lie from what is seen: that turns around it unnoticed.
+_LEVER = 0.75
+#: Weight of a deformation that is not measured, so that nothing of it is taken for noise.
+_KEPT = 1e12
 #: Smallest spread of grey levels, over their size, that is no rounding error of the arithmetic.
 _SMALLEST_CONTRAST = 1e-6
 
@@ -88,6 +96,12 @@ def _set_aside(good: NDArray[np.bool_], *matrices: NDArray[np.float64]) -> None:
     """Put something that has an inverse in the place of what is not good."""
     for matrix in matrices:
         matrix[~good] = np.eye(matrix.shape[-1])
+
+
+def _least(m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the smallest eigenvalue of matrices (n, k, k), scaled to a unit diagonal."""
+    scale = np.sqrt(np.maximum(_diagonal(m), 1e-300))
+    return np.linalg.eigvalsh(m / (scale[:, :, None] * scale[:, None, :]))[:, 0]
 
 
 def normal_equations(
@@ -151,15 +165,26 @@ def normal_equations(
     good &= weakened > 0.0
     m *= np.where(good, weakened, 1.0)[:, None, None]
     _set_aside(good, m, square)
-    scale = np.sqrt(np.maximum(_diagonal(m), 1e-300))
-    good &= np.linalg.eigvalsh(m / (scale[:, :, None] * scale[:, None, :]))[:, 0] > _SINGULAR
     position = np.linalg.eigvalsh(m[:, :2, :2])
-    good &= position[:, 0] > _SINGULAR * position[:, 1]
+    bends = _least(m) > _SINGULAR
+    deforms = bends | (_least(m[:, :6, :6]) > _DEFORMS)
+    good &= position[:, 0] > np.where(deforms, _SINGULAR, _ROUND) * position[:, 1]
     _set_aside(good, m, square)
+    lever = np.linalg.inv(m[:, :2, :2]) @ m[:, :2, 2:6]
+    good &= deforms | (np.abs(lever).max(axis=(1, 2)) < _LEVER)
+    # What the pattern does not show, as the rotation of a round dot, stays as it was guessed.
+    free = np.where(good & deforms, np.where(bends, 12, 6), np.where(good, 2, 12))
+    held = np.arange(12) >= free[:, None]
+    both = held[:, :, None] | held[:, None, :]
+    m, square = (np.where(both, np.eye(12), matrix) for matrix in (m, square))
 
     sizes = (2, 6, 12)
     inverse = [np.linalg.inv(m[:, :k, :k]) for k in sizes]
     spread = [a @ square[:, :k, :k] @ a for a, k in zip(inverse, sizes, strict=True)]
+    weight_a = np.linalg.inv(spread[1][:, 2:, 2:])
+    weight_a[free == 2] *= _KEPT
+    for k, of_all in zip(sizes, inverse, strict=True):
+        of_all[held[:, :k]] = 0.0
     return Normal(
         good=good,
         energy=energy,
@@ -170,7 +195,7 @@ def normal_equations(
         to_translation=inverse[0],
         to_affine=inverse[1],
         to_quadratic=inverse[2],
-        weight_a=np.linalg.inv(spread[1][:, 2:, 2:]),
+        weight_a=weight_a,
         weight_q=np.linalg.inv(spread[2][:, 6:, 6:]),
         pull_a=inverse[0] @ m[:, :2, 2:6],
         pull_q=inverse[1] @ m[:, :6, 6:],
