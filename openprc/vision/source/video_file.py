@@ -150,7 +150,8 @@ class VideoFile:
         faults = count_fault(self.frame_count, decoded)
         if self.failed:
             faults.append(
-                f"{self.failed} times the decoder stopped at damage and was made to go on"
+                f"{counted(self.failed, 'time')} the decoder stopped at damage and was made to "
+                "go on"
             )
         if self.odd:
             faults.append(f"{counted(self.odd, 'picture')} of another size than the first: damaged")

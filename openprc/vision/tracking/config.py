@@ -23,8 +23,9 @@ class KLTConfig:
         than 12 px a frame, as long as the smallest image is twice the window.
     max_iterations : int
         Iterations at each level.
-    epsilon : float [px]
-        A level ends when the step is below this.
+    epsilon : float [px], optional
+        A level ends when the step is below this. Left out, 0.01 px, and 0.1 px where the result
+        is refined anyway.
     fb_threshold : float [px]
         Largest distance between a point and where it is led by following it forward and back
         (Kalal et al. 2010, DOI 10.1109/ICPR.2010.675).
@@ -61,7 +62,7 @@ class KLTConfig:
     win_size: tuple[int, int] = (21, 21)
     max_level: int | Literal["auto"] = "auto"
     max_iterations: int = 30
-    epsilon: float = 0.01
+    epsilon: float | None = None
     fb_threshold: float = 0.2
     refine: Literal["icgn", "none"] = "icgn"
     refinement: RefineSettings = field(default_factory=RefineSettings)
@@ -77,6 +78,8 @@ class KLTConfig:
     backward_memory: float = 256.0
 
     def __post_init__(self) -> None:
+        if self.epsilon is None:
+            object.__setattr__(self, "epsilon", 0.01 if self.refine == "none" else 0.1)
         size = self.win_size
         if isinstance(size, int):
             size = (size, size)

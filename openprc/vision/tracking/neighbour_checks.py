@@ -15,7 +15,7 @@ _FAINT = 0.97
 #: One that correlates less than this, or has lost this many times what it usually lacks and
 #: more, is not believed without agreement of its neighbours.
 _DOUBTFUL = 0.85
-_SUDDEN, _SUDDEN_LOSS = 6.0, 0.02
+_SUDDEN, _SUDDEN_LOSS = 6.0, 0.008
 
 
 def check_steps(

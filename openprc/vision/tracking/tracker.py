@@ -61,8 +61,8 @@ class Tracker:
         self.source = open_source(source)
         self.config = config or KLTConfig()
         self.progress = progress
-        self.points = _points(features, tuple(source.shape))
-        self.reference_frame = _reference(features, reference_frame, tuple(source.shape))
+        self.points = _points(features, tuple(self.source.shape))
+        self.reference_frame = _reference(features, reference_frame, tuple(self.source.shape))
         self._follower: Follower | None = None
         self._notes: list[str] = []
         self._n_empty = 0
@@ -169,9 +169,10 @@ class Tracker:
         follower = _follower(self.config)
         follower.place(reference, self.points)
         found = [follower.step(frame) for frame in reversed(before)]
+        first, last = before[0].index, before[-1].index
+        which = f"frames {first} to {last} were" if last > first else f"frame {first} was"
         self._notes.append(
-            f"frames {before[0].index} to {before[-1].index} were followed backward from the "
-            f"reference frame {self.reference_frame}"
+            f"{which} followed backward from the reference frame {self.reference_frame}"
         )
         return found[::-1]
 
