@@ -18,12 +18,12 @@ from openprc.vision.tracking.frame_search import FrameSearch
 from openprc.vision.tracking.local_motion import neighbour_table
 from openprc.vision.tracking.neighbour_checks import check_places, check_steps
 from openprc.vision.tracking.point_state import PointState, gradients, warps_at
-from openprc.vision.tracking.predictor import FAST_STEP, PyramidalKLT, Step
+from openprc.vision.tracking.predictor import PyramidalKLT, Step
 from openprc.vision.tracking.reacquisition import along_with_neighbours, carry
 from openprc.vision.tracking.status import Status
 from openprc.vision.tracking.template_renewal import renew_templates
 from openprc.vision.tracking.track_steps import FrameTracks
-from openprc.vision.tracking.wide_search import wide_search
+from openprc.vision.tracking.wide_search import whole_shift, wide_search
 
 if TYPE_CHECKING:
     from openprc.vision.source.frame import Frame
@@ -107,10 +107,11 @@ class RefinedTracks:
         start = state.warps[live, :2]
         step = self._klt.step(self._before, frame.grey, start, last_step=self._last_step)
         trusted = step.fb_error <= self.config.fb_threshold
-        if np.count_nonzero(~trusted) > everyone / 2 and self._last_step <= FAST_STEP:
-            # Most went astray: a jolt, for which the pyramid was too low.
-            step = self._second_try(frame, start, step, trusted)
-            trusted = step.fb_error <= self.config.fb_threshold
+        if np.count_nonzero(~trusted) > everyone / 2:
+            # Most went astray: a jolt, for which the pyramid was too low, or any pyramid is.
+            for shift in (np.zeros(2), whole_shift(self._before, frame.grey)):
+                step = self._second_try(frame, start, step, trusted, shift)
+                trusted = step.fb_error <= self.config.fb_threshold
         guess = state.warps[live]
         guess[:, :2] = step.positions
         search.attempt(live[trusted], guess[trusted], steps_from=start[trusted])
@@ -168,10 +169,21 @@ class RefinedTracks:
         )
 
     def _second_try(
-        self, frame: Frame, start: NDArray[np.float64], step: Step, trusted: NDArray[np.bool_]
+        self,
+        frame: Frame,
+        start: NDArray[np.float64],
+        step: Step,
+        trusted: NDArray[np.bool_],
+        shift: NDArray[np.float64],
     ) -> Step:
         again = np.flatnonzero(~trusted)
-        other = self._klt.step(self._before, frame.grey, start[again], last_step=np.inf)
+        other = self._klt.step(
+            self._before,
+            frame.grey,
+            start[again],
+            last_step=np.inf,
+            guess=start[again] + shift if shift.any() else None,
+        )
         better = other.fb_error < step.fb_error[again]
         rows = again[better]
         merged = Step(*(np.copy(getattr(step, name)) for name in Step.__slots__))

@@ -17,6 +17,9 @@ from openprc.vision.tracking.point_state import gradients
 #: Half the width of a peak of the correlation [px], and how high the next one may be.
 _PEAK = 3
 _RUNNER_UP = 0.9
+#: Height of the phase correlation's peak from which on a shift of the whole image stands out;
+#: images that have nothing in common stay below half of this.
+_CLEAR = 0.05
 
 
 def wide_search(
@@ -81,3 +84,20 @@ def wide_search(
         guesses[i, :2] = left + across + half, top + down + half
         guesses[i, 2:] = expected[i, 2:]
     return guesses
+
+
+def whole_shift(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return by how much most of an image has moved, (2,) [px], however far that is.
+
+    The peak of the phase correlation (Kuglin & Hines 1975). A place to begin a search from, no
+    more: zero where no shift stands out.
+    """
+    cv2 = load_cv2()
+    if before.shape != after.shape or min(before.shape) < 8:
+        return np.zeros(2)
+    window = cv2.createHanningWindow(before.shape[::-1], cv2.CV_32F)
+    shift, response = cv2.phaseCorrelate(
+        before.astype(np.float32), after.astype(np.float32), window
+    )
+    found = np.array(shift, dtype=np.float64)
+    return found if response > _CLEAR and np.isfinite(found).all() else np.zeros(2)
