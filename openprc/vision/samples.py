@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +62,19 @@ def clip() -> Scene:
     """Return the patches as a clip: every one speckled, seen through a window that stands still."""
     moved = displacements().reshape(-1, *GRID, 2)
     return Scene(
-        texture=speckle(seed=11),
+        texture=speckle(sigma=(1.2, 1.6), cell=5.0, seed=11),
         motion=TileMotion(moved, SIDE),
         n_frames=len(moved),
         shape=(GRID[0] * SIDE, GRID[1] * SIDE),
         photometry=Photometry(noise=1.0),
     )
+
+
+@cache
+def _video() -> bytes:
+    # Rendering takes seconds, and whoever checks an importer asks for its sample many times.
+    with tempfile.TemporaryDirectory() as folder:
+        return clip().write(Path(folder) / "patches.avi", fps=FPS).read_bytes()
 
 
 def write_sample(folder: Path) -> Sample:
@@ -78,7 +87,8 @@ def write_sample(folder: Path) -> Sample:
     UnreadableFile
         When OpenCV cannot write the video.
     """
-    path = clip().write(Path(folder) / "patches.avi", fps=FPS)
+    path = Path(folder) / "patches.avi"
+    path.write_bytes(_video())
     points = Path(folder) / "points.csv"
     lines = [f"{x:g},{y:g}\n" for x, y in patch_centres()]
     points.write_text("x,y\n" + "".join(lines))
