@@ -198,7 +198,9 @@ class FinishedTracks:
         for part in slices(len(self.points), size):
             tracks = self._set(frames, self.points[part])
             if settings.stabilise:
-                tracks = tracks.remove_camera_motion()
+                steadied = tracks.remove_camera_motion()
+                self.notes += tuple(note for note in steadied.notes if note not in tracks.notes)
+                tracks = steadied
             if settings.max_gap:
                 tracks = tracks.fill_gaps("linear", max_gap=settings.max_gap)
                 done = tracks.operations[-1]
@@ -209,8 +211,6 @@ class FinishedTracks:
                 short += len(tracks.notes) > before
             if settings.rate:
                 tracks = tracks.resample(times=self.times)
-            if settings.stabilise:
-                self.notes += tuple(tracks.notes[:1])
             for name in SERIES:
                 store[name][:, part] = getattr(tracks, name)
         self.notes += tuple(_told(settings, gaps, left, short))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from openprc.errors import CalibrationError
 from openprc.vision.tracking.status import Status
 
 if TYPE_CHECKING:
@@ -70,6 +71,13 @@ def frame_of(calibration: Any) -> str:
 
 def _fitting(calibration: Any, result: TrackingResult, notes: list[str]) -> Any:
     """Return the calibration for images of this size; say what it cannot do."""
+    if not hasattr(calibration, "to_physical"):
+        raise CalibrationError(
+            f"the calibration is a {type(calibration).__name__}",
+            expected="one camera's calibration, which places a point of one image",
+            fix="of two cameras, triangulate both results: StereoRig.triangulate(left, right)",
+            key="calibration",
+        )
     if result.frame_shape is not None and hasattr(calibration, "check_frame"):
         checked = calibration.check_frame(result.frame_shape)
         calibration = checked.calibration
